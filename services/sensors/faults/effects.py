@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each kind of fault does to a reading.
+"""Effects of each kind of fault on a reading.
 
-Rule: a reading and its instant in, a reading or none out. Random numbers are drawn by the instant,
-so that they are the same whenever and wherever the reading is made; what a fault has to keep of
-earlier readings is in `Past`. Faults act in the order of the table, whatever order they are given
-in: first what is measured, then what the device holds, its clock, what it sends, and the way.
+A function takes a reading and its context, and returns a reading or None. Random numbers are keyed
+by the instant, so they are the same whenever the reading is made; `FaultHistory` keeps what a fault
+needs of earlier readings. Faults act in the order of the table: first on the measurement, then on
+the device, its clock, its output and the transport.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def _time_jump(fault: specs.TimeJump, reading: Reading, now: FaultContext) -> Re
 
 
 def _rate_change(fault: specs.RateChange, reading: Reading, now: FaultContext) -> Reading | None:
-    """Keep the first reading at or after each event of the lower rate, from the begin on."""
+    """Keep the first reading at or after each event of the lower rate."""
     # Stamps are rounded down to whole nanoseconds.
     since_nanos = now.sim_nanos + 1 - fault.begin_tick * TICK_NANOS
     event = math.floor(since_nanos * exact(fault.rate_hz) / NANOS)
@@ -114,18 +114,18 @@ EFFECTS: Mapping[type[specs.FaultSpec], Callable[[Any, Reading, FaultContext], R
     specs.Off: _off,
     specs.Delay: _delay,
 }
-"""What each kind does, in the order in which they act."""
+"""Function of each kind, in the order in which they act."""
 
 
 class Removed(NamedTuple):
-    """What is left of a reading that never comes."""
+    """Stands for a reading that a fault removed."""
 
     by: Cause
     """Kind of the fault."""
 
 
 def apply_faults(now: FaultContext, reading: Reading) -> Reading | Removed:
-    """Return what the faults in effect make of a reading."""
+    """Apply all faults in effect to a reading."""
     for fault in sorted(now.faults, key=lambda fault: _RANKS[type(fault)]):
         changed = EFFECTS[type(fault)](fault, reading, now)
         if changed is None:
@@ -138,5 +138,5 @@ _RANKS = {kind: rank for rank, kind in enumerate(EFFECTS)}
 
 
 def _purpose(fault: specs.FaultSpec) -> str:
-    """Return what tells a fault's random numbers from others': how it ends makes no difference."""
+    """Return the purpose of a fault's random numbers, which does not depend on its end."""
     return f"fault_{fault.kind}_{fault.begin_tick}"

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a fault may know when a reading comes, and what it keeps for the next one.
+"""Context of faults: what they can use besides the reading, and what they keep for the next one.
 
-Rule: all that a successor has to be told of the past of faults is in `Past`. No reading changes one
-that was handed out: each has a copy of its own.
+`FaultHistory` holds all that a successor process needs. Each reading gets a copy of its own.
 """
 
 from __future__ import annotations
@@ -17,16 +16,16 @@ from services.sensors.noise.random_streams import RandomStreams
 
 
 class FaultHistory(NamedTuple):
-    """What faults keep of earlier readings, each by the tick of its begin."""
+    """What faults keep of earlier readings, by the tick at which each fault begins."""
 
     held: dict[int, Reading]
-    """What a stuck sensor repeats."""
+    """Readings that a stuck sensor repeats."""
 
     events: dict[int, int]
-    """Of a lower rate, the number of the last event for which a reading came."""
+    """Numbers of the last events of a lower rate that had a reading."""
 
     def of(self, faults: Iterable[Fault]) -> FaultHistory:
-        """Return a copy of what these faults have kept."""
+        """Return a copy for these faults."""
         ticks = {fault.begin_tick for fault in faults}
         return FaultHistory(
             {tick: reading for tick, reading in self.held.items() if tick in ticks},
@@ -36,13 +35,13 @@ class FaultHistory(NamedTuple):
 
 @dataclass
 class FaultContext:
-    """What faults may know, besides the reading, and where they tell how late it comes."""
+    """What faults can use besides the reading; they add to `late_ticks`."""
 
     faults: tuple[Fault, ...]
-    """Those in effect."""
+    """Faults in effect."""
 
     sim_nanos: int
-    """When the reading was measured."""
+    """Instant of the measurement."""
 
     streams: RandomStreams
     past: FaultHistory

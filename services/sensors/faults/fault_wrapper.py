@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor model that can have faults, around one that has none.
+"""Fault wrapper: applies faults to the readings of any sensor model.
 
-Rule: a model as any other (a `RememberingModel`). What it is given beyond a scenario, and what it
-holds, goes with its memory, so that a successor goes on with the same bytes; readings that are held
-up are not settled, and are made again. What is not a `Reading`, the truth, no fault can reach.
+It is a sensor model itself (a `RememberingModel`). Its memory includes live faults and held
+readings, so a successor continues with the same bytes; delayed readings are not settled, and are
+made again. Faults act on a `Reading` only, not on ground truth.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ from .fault_context import FaultContext, FaultHistory
 
 
 class _Memory(msgspec.Struct, array_like=True):
-    """What the states do not tell."""
+    """All that cannot be derived from states."""
 
     inner: bytes
     faults: tuple[Fault, ...] | None
-    """All of them, where they are others than the scenario's."""
+    """All faults, if they differ from the scenario's."""
 
     held: dict[str, dict[int, bytes]]
     events: dict[str, dict[int, int]]
 
 
 class _Point(NamedTuple):
-    """A state of the model to which a successor can go back."""
+    """A state of the model that a successor can resume from."""
 
     settled_tick: int
     inner_memory: bytes
@@ -53,12 +53,12 @@ class _Point(NamedTuple):
 
 
 class _Late(NamedTuple):
-    """A reading on its way."""
+    """A delayed reading."""
 
     due_tick: int
     made: Made
     before: _Point
-    """From where a successor makes it again."""
+    """Where a successor resumes to make it again."""
 
 
 class FaultWrapper:
@@ -67,13 +67,13 @@ class FaultWrapper:
     Parameters
     ----------
     inner
-        The sensor.
+        the sensor model.
     faults
-        Those of the scenario.
+        faults of the scenario.
     messages
-        What its readings are, by stream.
+        types of its readings, by stream.
     streams
-        Random numbers of the sensor.
+        random streams of the sensor.
     """
 
     def __init__(
@@ -91,23 +91,23 @@ class FaultWrapper:
         self.remember(b"")
 
     def renew(self, inner: SensorModel) -> None:
-        """Go on with another sensor, which knows what the one before remembers."""
+        """Continue with another model, which gets the memory of the one before."""
         if isinstance(self._inner, RememberingModel) and isinstance(inner, RememberingModel):
             inner.remember(self._inner.memory())
         self._hold(inner)
 
     def _hold(self, inner: SensorModel) -> None:
         self._inner = inner
-        # Asked once and not at every state, as it is in the shell.
+        # Checked once instead of at every state.
         self._skipping = inner if isinstance(inner, SkippingModel) else None
 
     @property
     def has_gone(self) -> bool:
-        """Whether there is no sensor any more."""
+        """Whether the sensor was removed."""
         return isinstance(self._inner, Gone)
 
     def restart(self) -> None:
-        """Forget earlier states; what is on its way still comes."""
+        """Forget earlier states; delayed readings still come."""
         self._inner.restart()
 
     def settled_tick(self) -> int:
@@ -115,7 +115,7 @@ class FaultWrapper:
         return self._late[0].before.settled_tick if self._late else self._inner.settled_tick()
 
     def memory(self) -> bytes:
-        """Return what a successor has to know that sees the state of `settled_tick` first."""
+        """Return the memory of a successor whose first state is that of `settled_tick`."""
         now = self._late[0].before if self._late else self._now()
         changed = None if self.faults is self._of_scenario else self.faults
         held = {
@@ -126,13 +126,12 @@ class FaultWrapper:
         return msgspec.msgpack.encode(_Memory(now.inner_memory, changed, held, events))
 
     def remember(self, memory: bytes) -> None:
-        """Go on from a predecessor's memory; from an empty one, begin anew."""
+        """Continue from a predecessor's memory; an empty one starts anew."""
         known = _Memory(b"", None, {}, {})
         if memory:
             known = msgspec.msgpack.decode(memory, type=_Memory)
         self.faults = self._of_scenario if known.faults is None else known.faults
-        """All of them, past, present and to come; one that is added must begin after the last
-        state."""
+        """All faults, past, present and future; an added one must begin after the last state."""
 
         self._pasts = {output: FaultHistory({}, events) for output, events in known.events.items()}
         for output, held in known.held.items():
@@ -144,7 +143,7 @@ class FaultWrapper:
             self._inner.remember(known.inner)
 
     def behind(self, waiting: int) -> None:
-        """Take note, before each state, of how many more have arrived."""
+        """Record, before each state, how many more states have arrived."""
         if self._skipping is not None:
             self._skipping.behind(waiting)
 
@@ -153,7 +152,7 @@ class FaultWrapper:
         return tuple(fault for fault in self.faults if fault.is_on(tick))
 
     def readings(self, state: State) -> Iterable[Made]:
-        """Take the state of the next tick and yield what comes out by it, oldest first."""
+        """Take the state of the next tick; return its readings and delayed ones, oldest first."""
         if not self.faults:
             return self._inner.readings(state)
         before = self._now() if self._may_be_late(state.tick) else None
@@ -166,13 +165,13 @@ class FaultWrapper:
                 self._late.append(_Late(state.tick + late_ticks, changed, before))
             else:
                 out.append(changed)
-        # Nothing overtakes: what comes late holds up what is behind it.
+        # The order is kept: a delayed reading delays those behind it.
         while self._late and self._late[0].due_tick <= state.tick:
             out.append(self._late.popleft().made)
         return out
 
     def _apply(self, made: Made, epoch_nanos: int) -> tuple[Made | None, int]:
-        """Return what becomes of a reading and how late; nothing of what no fault can reach."""
+        """Return a reading after faults and its delay; None for ground truth."""
         if isinstance(made, LeftOut):
             return made, 0
         output, message = parted(made)
@@ -188,7 +187,7 @@ class FaultWrapper:
     def _context(self, output: str, sim_nanos: int) -> FaultContext:
         faults = self.active(sim_nanos // TICK_NANOS)
         past = self._pasts.get(output, FaultHistory({}, {})).of(faults)
-        # A new dictionary: the one before may belong to a point to go back to.
+        # A new dictionary: a `_Point` may refer to the one before.
         self._pasts = self._pasts | {output: past}
         return FaultContext(faults, sim_nanos, self._streams, past)
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Around a sensor's process: tells the run what faults begin and end, and takes live ones.
+"""Live faults: wraps a sensor's process, reports its faults and takes new ones during the run.
 
-Rule: a live fault begins at the tick after the last one taken, and is told with that tick, so that
-a scenario that has it from there on gives the same readings. Wishes come on another thread; while
-one is done, no state is taken.
+A live fault begins at the tick after the last one taken and is reported with that tick, so a
+scenario with the fault from that tick on gives the same readings. Commands come on another thread;
+no state is taken while one is executed.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from .fault_wrapper import FaultWrapper
 
 
 class FaultRefused(ValueError):
-    """A wish that cannot be done; the text says why."""
+    """A fault that the sensor cannot have; the text says why."""
 
 
 def cleared(faults: tuple[Fault, ...], tick: int) -> tuple[Fault, ...]:
-    """Return faults of which none is in effect at a tick: what is to begin later stays."""
+    """End the faults in effect at a tick; those that begin later stay."""
     left = []
     for fault in faults:
         lasted = tick - fault.begin_tick
@@ -43,18 +43,18 @@ def cleared(faults: tuple[Fault, ...], tick: int) -> tuple[Fault, ...]:
 
 
 class LiveFaults:
-    """A sensor's process whose faults are told and can be changed (a `StateConsumer`).
+    """A sensor's process whose faults are reported and can be changed (a `StateConsumer`).
 
     Parameters
     ----------
     sensor, model
-        The process, and the model in it.
+        the process, and the model in it.
     vehicle, spec
-        What the scenario says of them.
+        their descriptions in the scenario.
     report
-        Publishes what is in effect.
+        publishes the faults in effect.
     acknowledge
-        Has the process tell its progress, and so what its model remembers, at once.
+        makes the process publish its progress and its model's memory at once.
     """
 
     def __init__(
@@ -75,68 +75,68 @@ class LiveFaults:
         self._acknowledge = acknowledge
         self._turn = threading.Lock()
         self._life: int | None = None
-        self._told: tuple[Fault, ...] | None = None
+        self._reported: tuple[Fault, ...] | None = None
 
     @property
     def tick(self) -> int:
-        """The last one taken."""
+        """The last tick taken."""
         return self._sensor.tick
 
     @property
     def acknowledged_tick(self) -> int:
-        """The last one told to be taken."""
+        """The last tick acknowledged."""
         return self._sensor.acknowledged_tick
 
     @property
     def active(self) -> tuple[Fault, ...]:
-        """What is in effect."""
+        """Faults in effect."""
         return self._model.active(self._sensor.tick)
 
     def resume(self, ack: Ack) -> None:
-        """Go on where a predecessor stopped, which has told what was in effect.
+        """Resume where a predecessor stopped, which has reported its faults.
 
-        Where that is this process itself in an earlier life, it has told of another time since.
+        A predecessor that is this process in an earlier episode has reported later faults since.
         """
         with self._turn:
             self._sensor.resume(ack)
-            has_told = self._life is None
+            has_reported = self._life is None
             self._life = ack.life
-            self._told = self._model.active(ack.settled_tick) if has_told else None
+            self._reported = self._model.active(ack.settled_tick) if has_reported else None
 
     def take(self, state: State, waiting: int = 0) -> None:
-        """Take one state, in order; tell what has changed by it. So many more have arrived."""
+        """Take one state, in order; report changes. `waiting` more states have arrived."""
         with self._turn:
             self._sensor.take(state, waiting)
             if state.life != self._life:
                 self._life = state.life
-                # Who joins a run under way may follow on one that had faults.
-                self._told = None if state.tick else ()
-            if self._sensor.tick == state.tick and self.active != self._told:
-                self._told = self.active
+                # A process that joins a running episode may follow one that had faults.
+                self._reported = None if state.tick else ()
+            if self._sensor.tick == state.tick and self.active != self._reported:
+                self._reported = self.active
                 name = f"{self._vehicle.name}/{self._spec.name}"
-                self._report(Faults(state.stamp_nanos, name, state.tick, self._told))
+                self._report(Faults(state.stamp_nanos, name, state.tick, self._reported))
 
-    def answer(self, wish: str) -> list[bytes]:
-        """Do what a query says: nothing, `CLEAR` or a fault in JSON; reply a `FaultAnswer`."""
+    def answer(self, command: str) -> list[bytes]:
+        """Execute a query's command (none, `CLEAR` or a fault in JSON); return a `FaultAnswer`."""
         with self._turn:
             tick = self._sensor.tick + 1
             try:
                 if not tick:
-                    raise FaultRefused("the sensor has seen no state yet; try again")
-                if wish:
-                    self._change(wish, tick)
+                    raise FaultRefused("the sensor has received no state yet. Fix: try again")
+                if command:
+                    self._change(command, tick)
                     self._acknowledge()
                 answer = FaultAnswer("", tick, self._model.active(tick))
             except (FaultRefused, msgspec.DecodeError) as error:
                 answer = FaultAnswer(str(error))
         return [msgspec.json.encode(answer)]
 
-    def _change(self, wish: str, tick: int) -> None:
+    def _change(self, command: str, tick: int) -> None:
         model = self._model
-        if wish == CLEAR:
+        if command == CLEAR:
             model.faults = cleared(model.faults, tick)
             return
-        fault = msgspec.json.decode(wish, type=Fault)
+        fault = msgspec.json.decode(command, type=Fault)
         if found := fault_problem(fault, self._spec, self._vehicle):
             raise FaultRefused(f"`{found[0]}`: {found[1]}")
         model.faults = (*model.faults, replace(fault, at_s=tick / TICK_RATE_HZ))

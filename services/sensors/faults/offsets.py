@@ -19,7 +19,7 @@ from groundlink.messages.base import Message, Reading
 from groundlink.scenario.sensor_kinds import load_reference, sensor_kinds
 
 Offsets = Callable[[int, int], Floats]
-"""From numbers of measurements and of components to what is added, in this shape."""
+"""Returns offsets of shape (measurements, components)."""
 
 Change = Callable[[Any, Offsets], Any]
 """Returns a reading with offsets added to one of its quantities."""
@@ -41,7 +41,7 @@ def changes_of(message: type[Message]) -> dict[str, Change]:
 
 @cache
 def cover_of(message: type[Message]) -> Callable[[Any, float, float], Any]:
-    """Return what takes a sector, its begin and width in radians, out of a message."""
+    """Return the function that removes a sector, begin and width in radians, from a message."""
     covers = (k.cover for k in sensor_kinds().values() if k.cover and k.streams[""] is message)
     cover: Callable[[Any, float, float], Any] = load_reference(next(covers))
     return cover
@@ -56,5 +56,5 @@ def _add(field: str, components: int, reading: Reading, offsets: Offsets) -> Rea
 def within_limits(range_m: Floats, least_m: float, most_m: float) -> Floats:
     """Return distances as a device with limits says them (REP 117)."""
     finite = np.isfinite(range_m)
-    told = np.where(finite & (range_m > most_m), np.inf, range_m)
-    return np.where(finite & (range_m < least_m), -np.inf, told)
+    reported = np.where(finite & (range_m > most_m), np.inf, range_m)
+    return np.where(finite & (range_m < least_m), -np.inf, reported)

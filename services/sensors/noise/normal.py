@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Standard normal numbers: by the polar method, which the paper names (3.3.3), or by numpy's.
+"""Standard normal numbers by the polar method, as in the paper (3.3.3), or by numpy's method.
 
-Rule: the numbers depend on the generator's state alone and not on how many are drawn at a time.
-Seeds and streams are not chosen here: the generator comes in as an argument.
+The numbers depend on the generator's state alone, not on how many are drawn at a time.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ class Normals(Protocol):
 
 
 class PolarNormal:
-    """A source of standard normal numbers that has `generator` for itself.
+    """The polar method, on a generator of its own.
 
     Marsaglia and Bray (1964), "A convenient method for generating normal variables": a point (u, v)
     uniform in the unit disc gives u f and v f with f = sqrt(-2 ln(s) / s) and s = u^2 + v^2.
@@ -41,7 +40,7 @@ class PolarNormal:
         drawn = [self._spare]
         missing = count - len(self._spare)
         while missing > 0:
-            # A few more than needed on average, so that a second turn is rare.
+            # A few more than needed on average, so that a second pass is rare.
             pairs = int(missing / (2 * PAIRS_ACCEPTED) * 1.1) + 8
             points = 2.0 * self._generator.random((pairs, 2)) - 1.0
             squares = points[:, 0] ** 2 + points[:, 1] ** 2
@@ -55,7 +54,7 @@ class PolarNormal:
 
 
 class ZigguratNormal:
-    """A source of standard normal numbers by numpy's own method, the ziggurat; three times as fast.
+    """Numpy's method, the ziggurat, on a generator of its own; three times as fast.
 
     Marsaglia and Tsang (2000), "The ziggurat method for generating random variables".
     """
@@ -72,4 +71,4 @@ NORMALS: dict[str, Callable[[np.random.Generator], Normals]] = {
     "marsaglia": PolarNormal,
     "numpy": ZigguratNormal,
 }
-"""Sources of normal numbers by the name that a scenario gives them (`noise_source`)."""
+"""Sources of normal numbers by a scenario's `noise_source`."""

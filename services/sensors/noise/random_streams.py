@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Random numbers that depend on what they are for and on nothing else.
+"""Random streams keyed by seed, sensor, purpose and tick.
 
-Rule: a stream is keyed by (seed, sensor, purpose, tick) and starts there, so that a sensor that is
-restarted, delayed or placed elsewhere draws the same numbers. No generator lives longer than the
-measurement that it was made for.
+A sensor that is restarted, delayed or runs on another machine draws the same numbers. A generator
+is used for one measurement only.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ class RandomStreams:
         self._keys: dict[str, int] = {}
 
     def at(self, purpose: str, tick: int) -> np.random.Generator:
-        """Return the generator for one purpose (`"range"`, `"bias"`) from one tick on.
+        """Return the generator for a purpose (`"range"`, `"bias"`) at a tick.
 
         Philox (Salmon et al. 2011) with the purpose hashed into its 128-bit key and the tick as the
         upper half of its 256-bit counter: streams of different ticks never overlap.

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Errors that wander: Gauss-Markov processes and random walks, as functions of the tick.
+"""Correlated errors: Gauss-Markov processes and random walks, as functions of the tick.
 
-Rule: a walk depends on the seed, the sensor, the purpose and the tick, like every draw, and not on
-when its process was started. Its values at the ends of blocks of 128 ticks are one recursion from
-tick 0 on, which takes some 10 ms for each hour of sim time to catch up with; what lies between two
-ends is drawn for each block by itself and tied to both (a bridge), so that nothing else of the past
-is needed. At the ticks the process is exact, whatever the block.
+A value depends on seed, sensor, purpose and tick, not on when the process was started. The values
+at the ends of blocks of 128 ticks are one recursion from tick 0, which takes some 10 ms to catch up
+with an hour of sim time. The values within a block are drawn on their own and tied to both ends (a
+bridge), so they need nothing else of the past. The process is exact at every tick.
 """
 
 from __future__ import annotations
@@ -19,22 +18,22 @@ from .normal import NORMALS
 from .random_streams import RandomStreams
 
 BLOCK_TICKS = 128
-"""Ticks whose values are drawn together, from one stream: spreads the cost of its set-up."""
+"""Ticks whose values are drawn from one stream, to share the cost of its setup."""
 
 BLOCKS_PER_DRAW = 1024
-"""Ends of blocks that are drawn together."""
+"""Ends of blocks that are drawn from one stream."""
 
 
 class ErrorProcesses:
-    """Independent processes x(k+1) = phi x(k) + q w(k), one a column, a step a tick.
+    """Independent processes x(k+1) = phi x(k) + q w(k), a column each, one step a tick.
 
     Parameters
     ----------
     streams, purpose, noise_source
-        Where the numbers come from, and which of `NORMALS`.
+        Source of the numbers; `noise_source` is a key of `NORMALS`.
     stddevs : shape (n,)
-        Of a Gauss-Markov process its own, which it has at tick 0 as at any other; of a random walk
-        what it has after a second. Random walks begin at 0.
+        Of a Gauss-Markov process at any tick, including tick 0; of a random walk, which starts at
+        0, after one second.
     time_constants_s : shape (n,)
         phi = exp(-tick / time constant); infinite for a random walk.
     """
@@ -56,13 +55,13 @@ class ErrorProcesses:
         walking = decay == 0
         step = sigma * np.sqrt(np.where(walking, TICK_SECONDS, -np.expm1(-2 * decay)))
         self._start = np.where(walking, 0.0, sigma)
-        # Rows m = 0 .. BLOCK_TICKS: what is left after m steps, and the variance gained in them.
+        # Rows m = 0 .. BLOCK_TICKS: decay after m steps, and variance gained in them.
         steps = np.arange(BLOCK_TICKS + 1)[:, None]
         self._left = np.exp(-decay * steps)
         gained = np.vstack([np.zeros_like(sigma), np.cumsum(self._left[:-1] ** 2, axis=0)])
         self._whole_step = step * np.sqrt(gained[-1])
         self._weights = step / self._left[1:]
-        # Of a block's surprise at its end, the share to expect after m steps.
+        # Share of a block's innovation at its end to expect after m steps.
         self._tie = gained * self._left[::-1] / gained[-1]
         self._drawn: tuple[int, NDArray[np.float64]] = (-1, np.empty((0, 0)))
         self._reached: tuple[int, NDArray[np.float64]] = (-1, np.empty(0))
@@ -83,12 +82,12 @@ class ErrorProcesses:
             start = self._streams.at(f"{self._purpose}_start", 0)
             reached, values = 0, self._start * self._normals(start).draw(len(self._start))
         while reached < index:
-            values = self._left[-1] * values + self._whole_step * self._surprise(reached)
+            values = self._left[-1] * values + self._whole_step * self._innovation(reached)
             reached += 1
         self._reached = (reached, values)
         return values
 
-    def _surprise(self, index: int) -> NDArray[np.float64]:
+    def _innovation(self, index: int) -> NDArray[np.float64]:
         """Return the normal numbers that block `index` adds at its end."""
         draw, row = divmod(index, BLOCKS_PER_DRAW)
         if draw != self._drawn[0]:
@@ -96,5 +95,5 @@ class ErrorProcesses:
             columns = len(self._start)
             normal = self._normals(generator).draw(BLOCKS_PER_DRAW * columns)
             self._drawn = (draw, normal.reshape(-1, columns))
-        surprise: NDArray[np.float64] = self._drawn[1][row]
-        return surprise
+        innovation: NDArray[np.float64] = self._drawn[1][row]
+        return innovation

@@ -1,2 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rays against the triangles and the terrain of a replicated world, at the instant of each ray."""
+"""Ray casting into a replicated world, with an instant for each ray.
+
+Imported by models of sensors that cast rays. Knows no sensor, noise or message.
+"""

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The engine for machines without Embree: plain C, two to eight times slower, the same ranges.
-
-Rule: the arrays that `builtin.c` reads. It needs no more than all that casts rays, a C compiler at
-installation.
-"""
+"""Ray engine for machines without Embree: plain C, the same ranges, two to eight times slower."""
 
 from __future__ import annotations
 
@@ -18,7 +14,7 @@ from .kernels import kernels
 from .tree import BoxTree
 
 LEAF_TRIANGLES = 4
-"""A leaf of so many costs as much as looking at another pair of boxes."""
+"""Triangles of a leaf, which cost as much as checking another pair of boxes."""
 
 
 class _Mesh(ctypes.Structure):
@@ -28,7 +24,7 @@ class _Mesh(ctypes.Structure):
 
 
 class BuiltinEngine:
-    """See `engine.Engine`."""
+    """Implements `RayEngine` with `builtin.c`."""
 
     def __init__(self, meshes: SceneMeshes) -> None:
         self._meshes = meshes

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The part of Embree's C interface that builds scenes, through ctypes.
+"""Embree through ctypes: the part of its C interface that builds scenes.
 
-Rule: one thin class for each kind of Embree object, which keeps the handle, the memory that Embree
-reads in place, and nothing else; whoever holds the Python object holds the Embree object. Names,
-enumerators and layouts are those of Embree 4.4's `rtcore*.h`. The library is the one that the
-`embreex` wheel carries, so no system package is needed; of embreex's own interface nothing is used.
+Each class holds the handle of an Embree object and the memory that Embree reads in place. Names,
+enumerators and layouts are those of Embree 4.4's `rtcore*.h`. The library comes with the `embreex`
+wheel, so no system package is needed; the Python interface of embreex is not used.
 
-Nor are Embree's instance arrays with motion blur: to build them took 3 to 11 ms a revolution of 100
-bodies that move through 41 poses, and their matrices, interpolated linearly, bring what turns too
-near its axis. `tracer.c` does without either.
+Embree's instance arrays with motion blur are not used either: building them took 3 to 11 ms for a
+revolution of 100 bodies through 41 poses, and their linearly interpolated matrices pull rotating
+bodies toward their axis. `tracer.c` moves the rays instead.
 """
 
 from __future__ import annotations
@@ -99,7 +98,7 @@ def library() -> ctypes.CDLL:
 
 
 class Device:
-    """Embree itself, on one thread and with one instruction set.
+    """An Embree device, on one thread and with one instruction set.
 
     AVX2 everywhere and a single thread give the same bits on every x86-64 machine that has AVX2.
     """
@@ -126,16 +125,15 @@ class Device:
 
 @cache
 def device() -> Device:
-    """Return the device of this process.
+    """Return the only device of this process.
 
-    There is one, and it stays: after a device has been released, Embree's worker threads may spin
-    for ever.
+    It is never released: Embree's worker threads may spin forever after that.
     """
     return Device()
 
 
 class EmbreeMesh:
-    """Triangles at rest, alone in a scene."""
+    """A static mesh in a scene of its own."""
 
     def __init__(
         self, device: Device, vertices: NDArray[np.float32], faces: NDArray[np.uint32]
@@ -144,7 +142,7 @@ class EmbreeMesh:
         self._kept = device, vertices, faces
         self.scene: int = embree.rtcNewScene(device.handle)
         weakref.finalize(self, embree.rtcReleaseScene, self.scene)
-        # Robust: no ray slips through the edge between two triangles.
+        # Robust: no ray passes through the edge between two triangles.
         embree.rtcSetSceneFlags(self.scene, _SCENE_FLAG_ROBUST)
         geometry = embree.rtcNewGeometry(device.handle, _GEOMETRY_TYPE_TRIANGLE)
         for buffer, layout, array in (
@@ -163,7 +161,7 @@ class EmbreeMesh:
 
 
 class EmbreeEngine:
-    """See `engine.Engine`."""
+    """Implements `RayEngine` with Embree."""
 
     def __init__(self, meshes: SceneMeshes) -> None:
         self._meshes = [EmbreeMesh(device(), meshes.vertices, faces) for faces in meshes.each()]

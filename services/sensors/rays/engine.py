@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an engine is given and what it does: find the triangle of a mesh that a ray meets first.
+"""Interface of ray engines, which find the first triangle of a mesh on a ray.
 
-Rule: an engine knows no motion, and has to be right about which triangle; `tracer.c` does the rest.
-So all engines give the same answers, but for rays within some micrometers of an edge.
+An engine knows no motion; `tracer.c` handles motion and computes the exact hit on the triangle. So
+all engines give the same ranges, except for rays within some micrometers of an edge.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def aligned(shape: Sequence[int], dtype: type[np.generic]) -> NDArray[Any]:
 
 @dataclass(frozen=True)
 class SceneMeshes:
-    """All triangles of a scene in one piece: the static world's, then those of each body."""
+    """All triangles of a scene in joined arrays: the static world's, then each body's."""
 
     vertices: NDArray[np.float32]
     """Shape (V, 3), meters, each in the frame of its mesh."""
@@ -45,11 +45,11 @@ class SceneMeshes:
     """Shape (F,)."""
 
     first_triangle: NDArray[np.int32]
-    """Shape (meshes + 1,): where the faces of each mesh begin, and their end."""
+    """Shape (meshes + 1,): where the faces of each mesh begin, and the end."""
 
     @classmethod
     def joined(cls, meshes: Sequence[Triangles]) -> SceneMeshes:
-        """Return meshes in one piece."""
+        """Join meshes."""
         first_vertex = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
         first_triangle = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
         vertices = aligned((int(first_vertex[-1]), 3), np.float32)
@@ -68,15 +68,15 @@ class SceneMeshes:
 
 
 class RayEngine(Protocol):
-    """Finds the first triangle on a ray, in meshes at rest."""
+    """Finds the first triangle on a ray in static meshes."""
 
     def __init__(self, meshes: SceneMeshes) -> None:
-        """Build what makes rays fast; arrays of the meshes may be read in place."""
+        """Build acceleration structures; the meshes' arrays may be read in place."""
 
     @property
     def intersect(self) -> c_void_p:
-        """Function with the interface of Embree's rtcIntersect8, as `rays.h` has it."""
+        """Function with the interface of Embree's rtcIntersect8, as in `rays.h`."""
 
     @property
     def scenes(self) -> Sequence[int]:
-        """Its second argument, for each mesh."""
+        """Second argument of `intersect` for each mesh."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The loops over rays that are written in C, as setup compiled them.
+"""Compiled loops over rays, written in C.
 
-Rule: functions take the addresses of C-contiguous arrays; each has one caller, which makes sure of
-types and shapes. What they compute is said where they are called.
+Functions take addresses of C-contiguous arrays. Each has one caller, which ensures types and shapes
+and documents the computation.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ def kernels() -> ctypes.CDLL:
     found = importlib.util.find_spec(_NAME)
     if found is None or found.origin is None:
         raise KernelsMissingError(
-            f"sensors that cast rays need {_NAME}, which is not there: Groundlink was installed "
-            "without a C compiler; install one (gcc or clang), then install Groundlink again"
+            f"sensors that cast rays need {_NAME}, which is missing: Groundlink was installed "
+            "without a C compiler. Fix: install gcc or clang, then install Groundlink again"
         )
     library = ctypes.CDLL(found.origin)
     for name, (result, *arguments) in _SIGNATURES.items():

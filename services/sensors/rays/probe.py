@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A few rays at one instant, for sensors that look rarely and not far around.
+"""Ray probe: casts a few rays at one instant between the last two states.
 
-Rule: where the sensor is and what its rays meet are those of the asked instant, between the last
-two states. Sweeps, whose rays have instants of their own, are the LiDAR's business.
+For range finders and the like; a LiDAR's sweep has an instant for each ray.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from .scene import Hits
 
 
 class SensorPose(NamedTuple):
-    """Where a sensor is at an instant."""
+    """Pose of a sensor at an instant."""
 
     origin_in_world: Floats
     """Shape (3,), meters."""
@@ -50,7 +49,7 @@ class RayProbe:
         self.replica.restart()
 
     def take(self, state: State) -> None:
-        """Remember where everything is at the next tick.
+        """Take the state of the next tick.
 
         Raises
         ------
@@ -62,11 +61,11 @@ class RayProbe:
         self._tick = state.tick
 
     def _share(self, nanos: int) -> float:
-        """Return where an instant is between the last two states, 0..1."""
+        """Return an instant as a fraction between the last two states, 0..1."""
         return 1.0 + (nanos - self._tick * TICK_NANOS) / TICK_NANOS
 
     def place(self, nanos: int) -> SensorPose:
-        """Return where the sensor is at a sim time not before the last state but one."""
+        """Return the sensor's pose at a sim time between the last two states."""
         poses = self.replica.motion(self._tick - 1, self._tick)[:, self.replica.base]
         share = np.array(self._share(nanos))
         world_from_base = matrix_from_quaternion(nlerp(poses[0, 3:], poses[1, 3:], share))
@@ -83,7 +82,7 @@ class RayProbe:
         directions_in_world: Floats,
         max_range_m: float,
     ) -> Hits:
-        """Return what rays from one point meet at a sim time.
+        """Return the hits of rays from one point at a sim time.
 
         Parameters
         ----------
@@ -93,7 +92,7 @@ class RayProbe:
         directions_in_world : shape (3, rays)
             Unit vectors.
         max_range_m
-            What is farther is not met.
+            Surfaces beyond are not hit.
         """
         scene = self.replica.scene
         scene.move(self.replica.motion(self._tick - 1, self._tick))

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ray sensor's own copy of the world, ready to cast rays into.
+"""World replica of a ray sensor, as a scene to cast rays into.
 
-Rule: every solid of the surroundings and every material of the terrain is a label of the scene and
-has a reflectivity: first what stands still, then the terrain, then the links, each of which is a
-body of the scene.
+Every solid and every material of the terrain has a label in the scene and a reflectivity: first
+static solids, then the terrain, then the links, each of which is a body of the scene.
 """
 
 from __future__ import annotations
@@ -22,9 +21,8 @@ from .scene import Numbers, Scene
 from .terrain import Relief
 
 FEW_HEIGHTS = 600_000
-"""Up to so many a terrain is triangles like all that stands: a revolution in a million of them
-takes four fifths of the time, but a second and 100 MB to begin with. A larger one is met as
-heights."""
+"""Most heights of a terrain that becomes triangles; a larger one is hit as heights. In a million
+triangles a revolution takes four fifths of the time, but building them takes 1 s and 100 MB."""
 
 
 class Replica(Surroundings):
@@ -63,13 +61,13 @@ class Replica(Surroundings):
         self.scene = Scene(still, bodies, terrain=relief)
 
     def body_numbers(self, label: Numbers, body: Numbers) -> NDArray[np.uint32]:
-        """Return what hits are on, as `groundlink.world.bodies` counts; `NO_BODY` for nothing.
+        """Return the bodies of hits, numbered as in `groundlink.world.bodies`; `NO_BODY` for none.
 
         Parameters
         ----------
         label, body : int32 arrays
             Of the same hits (`scene.Hits`).
         """
-        # The terrain is one body, behind the solids, whatever its materials.
+        # The terrain is one body after the solids, whatever its materials.
         still = np.minimum(label, len(self.static)) + self._bodies
         return np.where(body >= 0, body, np.where(label >= 0, still, NO_BODY)).astype(np.uint32)

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A world with moving bodies in it, and rays that each have an instant of their own.
+"""Scene: a static world with moving bodies, and rays that each have an instant of their own.
 
-Rule: what stands still is built once; what moves is given poses at evenly spaced times, between
-which positions go linearly and orientations by nlerp, for every ray anew. Ranges are exact but for
-what float32 rounds: rays start where the world's float32 coordinates can say, within 4 micrometers
-100 m from the origin, 0.25 mm at 7 km. No sensor, noise or material is known here.
+Moving bodies have poses at evenly spaced times; for every ray, positions are interpolated linearly
+and orientations by nlerp. Ranges are exact within float32: origins of rays are rounded by up to
+4 micrometers at 100 m from the world's origin, 0.25 mm at 7 km.
 """
 
 from __future__ import annotations
@@ -34,10 +33,10 @@ PACKET = 8
 """Rays that `tracer.c` traces at once."""
 
 MARGIN = 1e-6
-"""Relative: boxes around bodies are wider by this, more than what rays that meet them round."""
+"""Relative margin of boxes around bodies, more than the rounding of rays."""
 
 _HELPER = ThreadPoolExecutor(1, "rays")
-"""Traces half of the rays. A ray's bits do not depend on who traces it."""
+"""Traces half of the rays. A result does not depend on the thread."""
 
 Reals = NDArray[np.float32]
 Numbers = NDArray[np.int32]
@@ -45,7 +44,7 @@ Numbers = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Hits:
-    """Where rays ended. The arrays are overwritten by the next cast of rays in this shape."""
+    """Hits of rays. The arrays are overwritten by the next cast of rays in this shape."""
 
     range_m: Reals
     """Shape (...): in lengths of the ray's direction, infinite where nothing was hit."""
@@ -54,7 +53,7 @@ class Hits:
     """Shape (3, ...): unit vectors out of the surface, zero where nothing was hit."""
 
     label: Numbers
-    """Shape (...): that of the triangle, -1 for no hit."""
+    """Shape (...): label of the triangle, -1 for no hit."""
 
     body: Numbers
     """Shape (...): number of the moving body, -1 for the static world and for no hit."""
@@ -73,11 +72,11 @@ class _Surroundings(ctypes.Structure):
 
 @cache
 def best_engine() -> type[RayEngine]:
-    """Return Embree where it works, else the built-in engine, and say so on stderr, once."""
+    """Return Embree if it works, else the built-in engine with a line on stderr, once."""
     try:
         device()
     except EngineUnavailableError as reason:
-        print(f"rays: {reason}; so the built-in engine casts them, slower", file=sys.stderr)
+        print(f"rays: using the slower built-in engine: {reason}", file=sys.stderr)
         return BuiltinEngine
     return EmbreeEngine
 
@@ -92,9 +91,9 @@ class Scene:
     bodies : sequence of Triangles
         Each in its body's frame. Until the first `move` they are at the world's origin.
     engine
-        Makes the engine; by default `best_engine()`.
+        Default: `best_engine()`.
     terrain : Relief or None
-        Met as heights, by whatever engine.
+        Hit as heights, by any engine.
     """
 
     def __init__(
@@ -140,11 +139,11 @@ class Scene:
         times : float32 array, shape (...)
             0..1 between the first and the last pose of the bodies.
         max_range : float
-            In lengths of a ray's direction; what is farther is not hit.
+            In lengths of a ray's direction; surfaces beyond are not hit.
         """
         shape = times.shape
         if shape not in self._hits:
-            # Kept from cast to cast: fresh pages cost more than what is written on them.
+            # Reused from cast to cast: allocating costs more than writing.
             reals, numbers = np.empty((4, *shape), np.float32), np.empty((2, *shape), np.int32)
             self._hits[shape] = Hits(reals[0], reals[1:], numbers[0], numbers[1])
         hits = self._hits[shape]

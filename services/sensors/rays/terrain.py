@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Terrain as `terrain.c` meets it: its heights in place, and pyramids of the greatest among them.
+"""Terrain for `terrain.c`: its heights, and pyramids of greatest heights.
 
-Rule: a block of a pyramid says how high the terrain is in it at most; in the other pyramid, for
-rays that come from below, everything is upside down. Both together take 2.7 bytes a cell, heights
-and surface 5.
+A block of a pyramid holds the greatest height in it; the second pyramid, for rays from below, is
+upside down. Both together take 2.7 bytes a cell, heights and surface 5.
 """
 
 from __future__ import annotations
@@ -31,13 +30,13 @@ class _Terrain(ctypes.Structure):
 
 
 class Relief:
-    """A terrain to cast rays at.
+    """A terrain that rays can hit.
 
     Parameters
     ----------
     ground : Ground
     first_label : int
-        Of the first of its materials; those of the others follow.
+        Label of the first of its materials; those of the others follow.
 
     Attributes
     ----------
@@ -75,7 +74,7 @@ def _pyramid(heights: NDArray[np.float32]) -> list[NDArray[np.float32]]:
 
 
 def _halved(blocks: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the greatest of each 2 x 2; where there is an odd one at the end, it is alone."""
+    """Return the greatest of each 2 x 2; an odd row or column at the end counts alone."""
     for _ in range(2):  # rows, then columns
         pairs, second = blocks[::2].copy(), blocks[1::2]
         np.maximum(pairs[: len(second)], second, out=pairs[: len(second)])

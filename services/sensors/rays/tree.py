@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trees of boxes, which `tree.c` builds and the other loops in C walk."""
+"""Bounding volume trees, built by `tree.c` and traversed by the other loops in C."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class BoxTree:
     boxes : float32 array, shape (N, 2, 3)
         Lowest and highest corner of each.
     leaf_items : int
-        How many boxes may be together in a leaf.
+        Most boxes of a leaf.
 
     Attributes
     ----------

@@ -1,2 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every LiDAR with a turning head shares, in space or in a plane."""
+"""Scanning: what rotating LiDARs share, 3D or planar.
+
+Imported by the models of LiDAR kinds. Knows no messages and no bus.
+"""

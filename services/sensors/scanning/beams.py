@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rays that stand for beams: how wide these are, and how truly they point.
+"""Beams of a LiDAR as rays: divergence and pointing errors.
 
-Rule: a beam's rays fill its width and height as the cells of a square grid do, each with the same
-share of the light. All rays of a beam err by the same angles, which are new in every revolution;
-what is reported is the nominal direction. A beam that has no width and points truly is its axis.
+The rays of a beam fill its width and height as the cells of a square grid, each with the same share
+of the light. All rays of a beam have the same pointing error, which is drawn for every revolution;
+the reported direction is the nominal one. A beam without divergence and error is one ray.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .sweep import Sweep
 
 
 class Rays(NamedTuple):
-    """Rays to cast, the rays of a beam side by side; C-contiguous."""
+    """Rays to cast; those of a beam are adjacent. C-contiguous."""
 
     origins_in_world: Reals
     """Shape (3, lasers, firings) or (3, lasers, firings, rays of a beam), meters."""
@@ -51,12 +51,12 @@ class Beams:
             self._within[:] = 0
 
     def rays(self, firings: range, tick: int) -> Rays:
-        """Return the rays of some firings of the revolution that the sweep follows.
+        """Return the rays of firings of the sweep's present revolution.
 
         Parameters
         ----------
         firings : range
-            Those of the last `follow`, or some of them.
+            All or some of the last `follow`.
         tick : int
             Keys the random numbers of the revolution.
         """

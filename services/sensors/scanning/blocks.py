@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The blocks that a LiDAR's revolutions are sent in: which firings they hold, and when they end.
+"""Blocks of firings that a LiDAR's revolutions are sent in: their firings and their ends.
 
-Rule: arithmetic on the time line; when they begin is in `groundlink.messages.reading_schedule`. All
-but the last block of a revolution end with their last ray, which may leave after the next firing
-has begun; the last ends where the next revolution begins, or with its last ray where nothing is
-fired before that.
+All but the last block of a revolution end with their last ray, which may leave after the next
+firing has begun. The last block ends where the next revolution begins, or with its last ray if the
+head does not fire until then.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ class FiringBlocks(calendars.Blocks):
         self._late_nanos = round(sweep.latest_seconds * NANOS)
 
     def since_start(self, seconds: Floats) -> Reals:
-        """Return instants after the start of the revolution as instants after that of the block.
+        """Convert instants since the revolution's start to instants since the block's start.
 
         Parameters
         ----------
@@ -48,7 +47,7 @@ class FiringBlocks(calendars.Blocks):
         return self.nanos(block) // TICK_NANOS
 
     def end_tick(self, block: int) -> int:
-        """Return the tick by whose state a block can be measured."""
+        """Return the tick whose state completes a block."""
         revolution, index = divmod(block, self.per_revolution)
         after = revolution * self.firings_per_turn + self.first_firings[index + 1]
         end = self.firing_times.tick(after)
@@ -58,9 +57,9 @@ class FiringBlocks(calendars.Blocks):
         return max(end, -(-latest // TICK_NANOS))
 
     def complete_by(self, tick: int, block: int) -> int:
-        """Return where the blocks end that can be measured by a tick's state.
+        """Return the end of the blocks from `block` on that a tick's state completes.
 
-        They begin with `block`, which can be, and are of its revolution.
+        They belong to the revolution of `block`, which is complete.
         """
         last = (block // self.per_revolution + 1) * self.per_revolution
         end = block + 1

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a LiDAR's receiver makes of what its rays hit.
+"""LiDAR receiver: turns hits of rays into returns.
 
-Rule: light comes back from a surface as rho cos(incidence) / R^2, weakened by the air on its way,
-and is noticed above a threshold. Rays of a beam that end within half a pulse's length of the next
-are one return, as far as the mean of their ranges by power, and the share of the beam that they
-are. What is noticed is measured: white noise, the laser's own error, rounding, limits, loss, in
-this order. Bodies have no inside: a surface is met from either side.
+A surface returns rho cos(incidence) / R^2 of the light, less what the air absorbs, and is detected
+above a threshold. Rays of a beam that end within half a pulse's length of the next one form one
+return, at the mean of their ranges weighted by power. Errors act on detections in this order: white
+noise, the laser's bias, rounding, limits, dropout. Surfaces are hit from either side.
 
 Not modeled: the pulse's shape, cross-talk, sunlight, mirrors, glass.
 """
@@ -32,7 +31,7 @@ from .weather import Atmosphere
 
 
 class Returns(NamedTuple):
-    """What came back of some firings of a revolution.
+    """Returns of some firings of a revolution.
 
     All arrays have the shape (returns, lasers, firings), lasers in the order in which they fire. Of
     the first axis 0 is the return that the device reports first; with `returns: dual` 0 is the last
@@ -41,8 +40,8 @@ class Returns(NamedTuple):
     """
 
     range_m: Reals
-    """As measured: with noise, bias and rounding. Where nothing returned it is of no use, but for
-    this: it is less than the least range where something was too near."""
+    """As measured: with noise, bias and rounding. Without a return it says one thing only: it is
+    below the minimum range if something was too near."""
 
     returned: NDArray[np.bool_]
     intensity: Reals
@@ -50,19 +49,19 @@ class Returns(NamedTuple):
     for retroreflectors (VLP-16 User Manual 63-9243, calibrated reflectivities)."""
 
     true_range_m: Reals
-    """Without error, along the true ray; infinite where nothing was noticed."""
+    """Without error, along the true ray; infinite without a detection."""
 
     label: Numbers
-    """Of the solid that was hit, -1 for none: fog, dust, rain, or nothing noticed."""
+    """Label of the solid that was hit; -1 for fog, dust, rain, or no detection."""
 
     body: Numbers
-    """Number of the moving body that was hit; -1 for what stands still, and for none."""
+    """Number of the moving body that was hit; -1 for a static one, or none."""
 
     ray: Numbers
-    """Number in its beam of the ray that brought most of the light; 0 for none."""
+    """Number within its beam of the ray that returned most of the light; 0 for none."""
 
     def of(self, firings: slice) -> Returns:
-        """Return the same of some of these firings, without a copy."""
+        """Return views of some of these firings."""
         return Returns._make(array[..., firings] for array in self)
 
 
@@ -109,7 +108,7 @@ class LidarReceiver:
     reflectance : float32 array
         `Material.reflectance` by label.
     air : Air or None
-        What is in it; none where it is clear.
+        None for clear air.
     streams : RandomStreams
     draws : Draws
 
@@ -148,7 +147,7 @@ class LidarReceiver:
         )
 
     def measure(self, hits: Hits, rays: Rays, firings: range, tick: int) -> Returns:
-        """Return what the device reports of hits.
+        """Return the device's measurements of hits.
 
         Parameters
         ----------
@@ -178,7 +177,7 @@ class LidarReceiver:
         return made
 
     def _drawn(self, tick: int) -> tuple[Reals | None, Reals | None, Reals | None]:
-        """Return the numbers for white noise, loss and air of a revolution, where needed."""
+        """Return the random numbers for noise, dropout and air of a revolution, where needed."""
         white = lost = air = None
         if self._noisy:
             white = self._draws.of(

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A turning head with lasers: states of the world in, what came back of each block of firings out.
+"""Rotating LiDAR scanner: takes states of the world, returns the measurements of blocks of firings.
 
-Rule: revolution i covers the sim time from i / rate to (i + 1) / rate and is measured when the
-state at or after its end has come; in blocks each block is, when the state after its last ray has
-come, and the blocks together are what the revolution would have been. Each ray leaves from the
-sensor's pose at its own instant and meets all vehicles, its own too, as they stand at that instant.
+Revolution i covers the sim time from i / rate to (i + 1) / rate. It is measured when the state at
+or after its end has come; a block, when the state after its last ray has come. All blocks together
+equal the whole revolution. Each ray leaves from the sensor's pose at its own instant, and hits all
+vehicles, its own too, where they are at that instant.
 
-By what it is told of states that wait, what is due again a revolution later already is left out and
-marked. A surface nearer than the least range gives no return and hides what is behind it. What
-message the returns become is not known here.
+A block is left out and marked when, by the number of waiting states, it is due again already. A
+surface nearer than the minimum range gives no return and hides what is behind it.
 """
 
 from __future__ import annotations
@@ -40,17 +39,17 @@ class Scan(NamedTuple):
 
     revolution: int
     firings: range
-    """In the revolution."""
+    """Firings of the revolution."""
 
     returns: Returns
-    """Of these firings."""
+    """Returns of these firings."""
 
     truth: TrueReturns | None
-    """Behind these returns, if it was asked for."""
+    """Ground truth of these returns, if enabled."""
 
 
 class Scanner:
-    """One turning head of a scenario's vehicle.
+    """A rotating LiDAR on a vehicle.
 
     Attributes
     ----------
@@ -85,16 +84,16 @@ class Scanner:
         self.restart()
 
     def behind(self, waiting: int) -> None:
-        """Take note of how many more states have arrived."""
+        """Record how many more states have arrived."""
         self._waiting = waiting
 
     def restart(self) -> None:
-        """Forget earlier states; the next block is the first that begins after this."""
+        """Forget earlier states; measure from the next block on."""
         self.replica.restart()
         self._block = self._tick = -1
 
     def settled_tick(self) -> int:
-        """Return the tick at which the block under way began; -1 before the first state."""
+        """Return the tick at which the present block began; -1 before the first state."""
         if self._block < 0:
             return -1
         return min(self._tick, self.blocks.first_tick(self._block))
@@ -131,7 +130,7 @@ class Scanner:
         self.replica.forget(self.blocks.first_tick(block))
 
     def _scans(self, blocks: range) -> list[Scan]:
-        """Measure some blocks of one revolution, whose rays are cast at once."""
+        """Measure blocks of one revolution, with one cast."""
         revolution, firings = self.blocks.firings(blocks)
         cast = self.measure(revolution, firings)
         scans = []
@@ -145,10 +144,10 @@ class Scanner:
         return scans
 
     def measure(self, revolution: int, firings: range) -> Cast:
-        """Return what came back of some firings of a revolution, by the states that are known."""
+        """Return the measurements of firings of a revolution."""
         start_nanos = self._schedule.nanos(revolution)
         first_tick = start_nanos // TICK_NANOS
-        # States of the whole revolution, so that an instant is the same number in every block.
+        # States of the whole revolution, so that times are the same numbers in every block.
         poses = self.replica.motion(first_tick, self._schedule.tick(revolution + 1))
         start_seconds = (start_nanos - first_tick * TICK_NANOS) / NANOS
         tick = self._schedule.tick(revolution)

@@ -1,14 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sweep of a turning head: when and where to each ray of one revolution leaves.
+"""Sweep of a rotating head: instant and direction of each ray of one revolution.
 
-Rule: what depends on the data sheet alone is computed once; a revolution only adds the sensor's
-motion. Arrays of rays are (lasers, firings), lasers in the order in which they fire.
-
-The head turns on while a firing lasts, so a late laser is ahead of its firing. Where the head's
-encoder has steps, the head truly is at one when it is read: rays leave where they are reported.
-
-Where the view is less than a whole turn, nothing is fired in the rest of the revolution, and there
-are no such firings here.
+All that depends on the data sheet alone is computed once; a revolution adds the sensor's motion.
+Arrays of rays are (lasers, firings), lasers in the order in which they fire. The head turns during
+a firing, so a later laser is ahead of its firing. An encoder with steps is read at a step: rays
+leave where they are reported. Outside a view of less than a whole turn there are no firings.
 """
 
 from __future__ import annotations
@@ -25,7 +21,7 @@ from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Reals
 
 SIGNS = {"clockwise": -1, "counterclockwise": 1}
-"""Of the azimuth's growth, by the spec's `rotation`."""
+"""Sign of the azimuth's growth, by the spec's `rotation`."""
 
 
 class Head(ctypes.Structure):
@@ -67,7 +63,7 @@ class Sweep:
     times : float32 array, shape (lasers, firings)
         0..1 between the first and the last state of the last `follow`.
     head : Head
-        What the compiled passes know of all this.
+        Input of the compiled passes.
     """
 
     def __init__(self, spec: RotatingLidar) -> None:
@@ -112,28 +108,26 @@ class Sweep:
         )
 
     def follow(self, world_from_base: Floats, start_seconds: float, firings: range) -> None:
-        """Let rays of a revolution leave from the sensor's pose at their own instants.
+        """Compute origins and directions of rays from the sensor's pose at their instants.
 
         Between two states the base's position is interpolated linearly and its orientation by
         nlerp, at every firing; between two firings (some 0.05 ms) everything is linear. The last
         lasers of the last firing may leave a few microseconds after the last state (7 with the
         paper's data sheet): the motion of the last interval is extended to them.
 
-        What a ray gets does not depend on the other firings that are asked for, so that blocks hold
-        the very numbers of the whole revolution.
-
-        The rays are written where those of the revolution before were: fresh megabytes for each
-        would cost more than computing what is in them.
+        A ray does not depend on which other firings are computed, so blocks have the same numbers
+        as the whole revolution. Arrays are reused: allocating them would cost more than the
+        computation.
 
         Parameters
         ----------
         world_from_base : float64 array, shape (states, 7)
-            States of consecutive ticks of the whole revolution, at least two. Those that the asked
-            firings do not lie between are not looked at.
+            States of consecutive ticks of the whole revolution, at least two. Only those around
+            the firings are used.
         start_seconds : float
-            From the first state to the first firing of the revolution.
+            Time from the first state to the first firing of the revolution.
         firings : range
-            Which firings.
+            Firings to compute.
         """
         states = np.ascontiguousarray(world_from_base, np.float64)
         outputs = *self.poses, self.origins_in_world, self.directions_in_world
@@ -150,7 +144,7 @@ class Sweep:
 
 
 def ahead_by_encoder_deg(spec: RotatingLidar) -> Floats:
-    """Return by how much the head is ahead of an even turn, as its encoder has steps.
+    """Return by how much the head is ahead of an even rotation, due to its encoder's steps.
 
     Returns
     -------

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where rays truly met surfaces, all seen at one instant: what a scan would be without any error.
+"""Ground truth of a scan: the points that rays hit, as they are at the scan's stamp.
 
-Rule: exact, in float64: neither noise nor rounding, the direction in which a ray really left, the
-range of what it really met. A point on something that stands still stays; one on a moving body goes
-with it, from its ray's instant to that of the scan's stamp. All is seen from where the sensor is at
+Computed in float64 from true directions and true ranges, without noise or rounding. A point on a
+moving body moves with it from its ray's instant to the stamp. Points are in the sensor's frame at
 the stamp.
 
-Between two states poses are interpolated as the sensor's own are (`sweep.c`). What rays are cast at
-is interpolated otherwise (`rays.scene`): at the tread of a wheel of 0.2 m with 20 rad/s the two are
-0.06 mm apart at most.
+Poses between two states are interpolated as the sensor's own are (`sweep.c`). Casting interpolates
+differently (`rays.scene`): on the tread of a wheel of 0.2 m at 20 rad/s, the two are at most
+0.06 mm apart.
 """
 
 from __future__ import annotations
@@ -29,17 +28,17 @@ from .returns import Returns
 
 
 class TrueReturns(NamedTuple):
-    """The truth behind some returns; where nothing returned it has no meaning."""
+    """Ground truth of returns; undefined where nothing returned."""
 
     points_in_sensor: Reals
     """Shape (3, returns, lasers, firings), meters."""
 
     body: NDArray[np.uint32]
-    """Shape (returns, lasers, firings): what was met, as `groundlink.world.bodies` counts."""
+    """Shape (returns, lasers, firings): bodies, numbered as in `groundlink.world.bodies`."""
 
 
 class Cast(NamedTuple):
-    """Some firings of a revolution, cast at once and measured."""
+    """Firings of a revolution, cast together and measured."""
 
     returns: Returns
     rays: Rays
@@ -50,11 +49,11 @@ class Cast(NamedTuple):
     """Shape (states, bodies, 7): world_from_body at the ticks of the revolution."""
 
     first_tick: int
-    """Of these states."""
+    """Tick of the first of these states."""
 
 
 class TrueView:
-    """A sensor's eye that sees everything at once."""
+    """Computes ground truth for a sensor on a mount."""
 
     def __init__(self, replica: Replica, mount: Mount) -> None:
         self._replica = replica
@@ -62,22 +61,22 @@ class TrueView:
         self._eye_in_base = np.array(mount.xyz_m)
 
     def see(self, cast: Cast, firings: slice, stamp_nanos: int) -> TrueReturns:
-        """Return the truth behind the returns of some firings, as it is at a sim time.
+        """Return the ground truth of the returns of some firings at a sim time.
 
         Parameters
         ----------
         cast : Cast
         firings : slice
-            Which of its firings.
+            Firings of the cast.
         stamp_nanos : int
-            Not before the block of these firings begins: of earlier states nothing is known.
+            Not before the block of these firings begins: earlier states are not kept.
         """
         returns, rays, motion = cast.returns.of(firings), cast.rays, cast.motion
         stamp_ticks = (stamp_nanos - cast.first_tick * TICK_NANOS) / TICK_NANOS
         beams = rays.times.shape[:2]
         beam = np.arange(np.prod(beams)).reshape(beams)[:, firings]
         ray = (beam * (rays.times.size // np.prod(beams)) + returns.ray).ravel()
-        # A return from a surface is the mean of what the rays of a beam met; the air has no hits.
+        # A return from a surface is a mean over a beam's rays; air has no hits.
         own_range_m = cast.hits.range_m.ravel()[ray].reshape(returns.label.shape)
         met = np.where(returns.label >= 0, own_range_m, returns.true_range_m)
         range_m = np.where(returns.returned, met, 0).astype(np.float64).ravel()

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What fog, dust and rain do to a beam.
+"""Fog, dust and rain: how they attenuate a beam and scatter it back.
 
-Rule: they take light away, exp(-2 a R) of it on the way to a range R and back, and send some back
-themselves. Fog and dust do so from where a pulse enters them, as soft targets; raindrops do one by
-one. What they send back competes with what stands behind: the receiver notices it above its
-threshold, and reports it where it is the strongest, or one of two.
+On the way to a range R and back, exp(-2 a R) of the light remains. Fog and dust scatter light back
+from where a pulse enters them, as soft targets; raindrops do individually. These returns compete
+with that of the surface behind: the receiver detects them above its threshold, and reports one that
+is the strongest, or one of two.
 
 Fog and dust: a = ln 20 / visibility (Koschmieder, 5 %), and backscatter 0.046 / visibility per
 meter and steradian, with no echo from nearer than 1 m, where the fields of the laser and of the
@@ -14,9 +14,9 @@ pulse's length counts, and the echo lies anywhere in it.
 
 Rain: a = 0.01 r^0.6 per meter at r mm/h (Goodin et al. 2019, "Predicting the influence of rain on
 LIDAR in ADAS"). Of drops there are 8000 exp(-4.1 r^-0.21 D) per m^3 and mm of diameter D (Marshall
-and Palmer 1948). One is noticed if the share of the beam that it fills sends enough light back; of
-those before the nearest surface the first counts. The reflectance of a drop, and how wide a beam
-leaves the sensor, are constants of ours.
+and Palmer 1948). A drop is detected if its share of the beam scatters enough light back; of those
+before the nearest surface the first counts. The reflectance of a drop and the beam's initial width
+are our own estimates.
 """
 
 from __future__ import annotations
@@ -52,22 +52,22 @@ class _Weather(ctypes.Structure):
 
 
 class Atmosphere:
-    """The air as one device meets it.
+    """The air in front of one device.
 
     Attributes
     ----------
     extinction_per_m : float
         Of fog and rain together.
     drop_ranges_m, drops, least_drops_mm : float32 arrays, shape (steps,)
-        At each range how many drops a beam meets up to there, on average, that are noticed, and how
-        large the least of these are at this range. Empty without rain.
+        By range: mean number of detectable drops in a beam up to there, and the smallest diameter
+        that is detectable at this range. Empty without rain.
     structure : ctypes.Structure
-        All of it, for the compiled pass.
+        Input of the compiled pass.
 
     Parameters
     ----------
     spec : RotatingLidar
-        That notices no power below some.
+        Gives the power that is needed for a detection.
     weather : Weather
     """
 
@@ -83,7 +83,7 @@ class Atmosphere:
             ranges: Floats = np.geomspace(nearest, spec.max_range_m, STEPS)
             across, upward = (BEAM_AT_START_M + 1e-3 * d * ranges for d in spec.divergence_mrad)
             area = across * upward
-            # The drop of this diameter fills a share of the beam that is just bright enough.
+            # A drop of this diameter is just bright enough.
             depth = np.minimum(2 * self.extinction_per_m * ranges, 80)  # no drop is so bright
             light = spec.least_power * ranges**2 * np.exp(depth)
             least_mm = 1e3 * np.sqrt(4 / math.pi * area * light / (100 * DROP_REFLECTANCE))
@@ -108,12 +108,12 @@ class Atmosphere:
 
 
 def atmosphere_of(spec: RotatingLidar, weather: Weather) -> Atmosphere | None:
-    """Return what is in the air; None where it is clear, or the device sees through everything."""
+    """Return the air around a device; None if it is clear, or the device has no threshold."""
     return Atmosphere(spec, weather) if weather != Weather() and spec.least_power else None
 
 
 def _hazy(visibility_m: float, cell_m: float) -> tuple[float, float]:
-    """Return extinction per meter, and percent of light that comes back from half a pulse.
+    """Return extinction per meter, and the percentage of light that half a pulse scatters back.
 
     A diffuse surface sends back rho / pi per steradian.
     """
