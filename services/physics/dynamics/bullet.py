@@ -145,10 +145,7 @@ class BulletBackend:
             return self._mesh_shape(solid.name, solid.shape), at
         kind, half_extents, radius, length = _primitive(solid.shape)
         shape: int = self._bullet.createCollisionShape(
-            kind,
-            halfExtents=half_extents,
-            radius=radius,
-            height=length,
+            kind, halfExtents=half_extents, radius=radius, height=length
         )
         return shape, at
 
@@ -245,10 +242,7 @@ class BulletBackend:
             self._change(body, link, linearDamping=0, angularDamping=0, jointDamping=0)
         # Bullet's joints come with motors that hold them.
         self._bullet.setJointMotorControlArray(
-            body,
-            list(joints.values()),
-            pybullet.VELOCITY_CONTROL,
-            forces=[0] * len(joints),
+            body, list(joints.values()), pybullet.VELOCITY_CONTROL, forces=[0] * len(joints)
         )
         return body, joints
 

@@ -33,12 +33,7 @@ class ScriptedActor:
     """An actor that follows a motion, whatever it meets."""
 
     def __init__(
-        self,
-        backend: Backend,
-        actor: Actor,
-        mover: motion.Mover,
-        materials: Materials,
-        tick: int,
+        self, backend: Backend, actor: Actor, mover: motion.Mover, materials: Materials, tick: int
     ) -> None:
         self._backend, self._mover = backend, mover
         self._then = mover.at(tick * TICK_SECONDS)

@@ -47,12 +47,7 @@ class TurningShaft:
     )
 
     def __init__(
-        self,
-        tires: Sequence[Tire],
-        *,
-        radius_m: float,
-        inertia_kgm2: float,
-        damping_nmsprad: float,
+        self, tires: Sequence[Tire], *, radius_m: float, inertia_kgm2: float, damping_nmsprad: float
     ) -> None:
         self.tires = tuple(tires)
         self._radius = radius_m

@@ -123,10 +123,7 @@ def _inertial(link: Element, mass: float, moments: Vector3, at: Vector3 = (0.0, 
 
 
 def _collision(
-    link: Element,
-    shape: Shape,
-    at: Vector3 = (0.0, 0.0, 0.0),
-    rpy: Vector3 = (0.0, 0.0, 0.0),
+    link: Element, shape: Shape, at: Vector3 = (0.0, 0.0, 0.0), rpy: Vector3 = (0.0, 0.0, 0.0)
 ) -> None:
     element = _sub(link, "collision")
     _sub(element, "origin", xyz=_text(*at), rpy=_text(*rpy))

@@ -71,16 +71,11 @@ class RayProbe:
         world_from_base = matrix_from_quaternion(nlerp(poses[0, 3:], poses[1, 3:], share))
         base = poses[0, :3] + share * (poses[1, :3] - poses[0, :3])
         return SensorPose(
-            base + world_from_base @ self._sensor_in_base,
-            world_from_base @ self._base_from_sensor,
+            base + world_from_base @ self._sensor_in_base, world_from_base @ self._base_from_sensor
         )
 
     def cast(
-        self,
-        nanos: int,
-        origin_in_world: Floats,
-        directions_in_world: Floats,
-        max_range_m: float,
+        self, nanos: int, origin_in_world: Floats, directions_in_world: Floats, max_range_m: float
     ) -> Hits:
         """Return the hits of rays from one point at a sim time.
 

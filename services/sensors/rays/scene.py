@@ -163,7 +163,7 @@ class Scene:
 
         def trace(begin: int, end: int) -> None:
             kernels().groundlink_trace(
-                *(ctypes.byref(around), times.size, begin, end, max_range, *addresses),
+                *(ctypes.byref(around), times.size, begin, end, max_range, *addresses)
             )
 
         half = times.size // 2 // PACKET * PACKET

@@ -63,11 +63,18 @@ def put(
 
 @dataclass(frozen=True)
 class Drive:
-    """What happened, a row a tick: base pose and velocity in the world, angles of all wheels."""
+    """A row a tick: base pose and velocity in the world, angles of all wheels, their poses."""
 
     pose: NDArray[np.float64]
     velocity: NDArray[np.float64]
     angles: NDArray[np.float64]
+    wheels: NDArray[np.float64]
+
+    @property
+    def last(self) -> NDArray[np.float64]:
+        """The base's pose at the end."""
+        pose: NDArray[np.float64] = self.pose[-1]
+        return pose
 
     @property
     def speed(self) -> float:
@@ -76,17 +83,22 @@ class Drive:
 
 
 def drive(
-    simulation: Simulation, seconds: float, twist: tuple[float, float] | None = None
+    simulation: Simulation,
+    seconds: float,
+    twist: tuple[float, float] | None = None,
+    name: str = NAME,
 ) -> Drive:
-    """Step, with a command of (m/s, rad/s) a tick where one is given."""
+    """Step, with a command of (m/s, rad/s) a tick if one is given."""
     rows = []
     for _ in range(round(seconds * 400)):
         if twist is not None:
             command = Command(simulation.sim_nanos, (twist[0], 0.0, 0.0), (0.0, 0.0, twist[1]))
-            simulation.command(NAME, command)
+            simulation.command(name, command)
         simulation.step()
-        state = simulation.vehicle_states()[NAME]
-        rows.append((state.poses()[0], floats(state.base_velocity), floats(state.joint_positions)))
+        state = simulation.vehicle_states()[name]
+        base, wheels = np.split(state.poses(), [1])
+        velocity, angles = floats(state.base_velocity), floats(state.joint_positions)
+        rows.append((base[0], velocity, angles, wheels))
     return Drive(*(np.array(column) for column in zip(*rows, strict=True)))
 
 

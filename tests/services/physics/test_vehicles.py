@@ -15,18 +15,7 @@ from groundlink.scenario.schema import Placement
 from groundlink.world.solids import Material
 
 from . import terrains
-from .grounds import (
-    NAME,
-    STEEP_DEG,
-    VEHICLES,
-    drive,
-    put,
-    rubble,
-    shipped,
-    slope,
-    travels,
-    wall,
-)
+from .grounds import NAME, STEEP_DEG, VEHICLES, drive, put, rubble, shipped, slope, travels, wall
 
 pytestmark = pytest.mark.parametrize("name", VEHICLES)
 

@@ -4,11 +4,7 @@ from __future__ import annotations
 import pytest
 
 from groundlink.messages.base import Ack
-from groundlink.scenario.route import (
-    COMMAND_AHEAD_TICKS,
-    DRIVER_PERIOD_TICKS,
-    DRIVER_WINDOW_TICKS,
-)
+from groundlink.scenario.route import COMMAND_AHEAD_TICKS, DRIVER_PERIOD_TICKS, DRIVER_WINDOW_TICKS
 from services.physics.run.participants import Participants, PendingAcks, barriers, window
 
 LIFE = 7

@@ -18,14 +18,15 @@ from groundlink.world.build import solids
 from groundlink.world.objects.indoor_objects import build_furniture
 from groundlink.world.objects.indoor_specs import Table
 from services.physics.simulation.simulation import Simulation
-from tests.services.physics.conftest import ROVER, Start, Trace, run
+from tests.services.physics.conftest import ROVER, Start, run
+from tests.services.physics.grounds import Drive
 
 CENTER = Placement(x_m=0.0)
 RADIUS_M = 0.1651
 FLOOR = ("room_floor",)
 
 
-def vertical_noise(trace: Trace) -> tuple[float, float]:
+def vertical_noise(trace: Drive) -> tuple[float, float]:
     """Return the deviation of vertical acceleration, from velocity and from position, m/s^2."""
     return (
         np.diff(trace.velocity[:, 2]).std() / TICK_SECONDS,

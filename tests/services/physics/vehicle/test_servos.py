@@ -110,11 +110,7 @@ def test_links_are_where_rotations_say() -> None:
 
 
 @pytest.mark.parametrize(
-    ("joints", "words"),
-    [
-        ((GUN,), "parent `turret`"),
-        ((TURRET, TURRET), "called `turret`"),
-    ],
+    ("joints", "words"), [((GUN,), "parent `turret`"), ((TURRET, TURRET), "called `turret`")]
 )
 def test_joints_that_do_not_go_together_are_refused(joints: tuple[Joint, ...], words: str) -> None:
     with pytest.raises(ValueError, match=words):

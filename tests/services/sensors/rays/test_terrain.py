@@ -155,8 +155,7 @@ def points_of_interest(made: Ground) -> Floats:
 
 @pytest.mark.parametrize("rough_m", [0.0, 0.3])
 @pytest.mark.parametrize(
-    "eye",
-    [None, (0.0, 0.0, 3.0), (0.123, -0.777, 2.3), (1.0, 0.5, -3.0), (1.0, 8.0, 5.0)],
+    "eye", [None, (0.0, 0.0, 3.0), (0.123, -0.777, 2.3), (1.0, 0.5, -3.0), (1.0, 8.0, 5.0)]
 )
 def test_no_ray_slips_through_edges_and_corners(
     eye: tuple[float, float, float] | None, rough_m: float

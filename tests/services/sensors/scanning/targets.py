@@ -65,10 +65,7 @@ def scenario(
     return replace(
         made,
         world=replace(
-            made.world,
-            materials=MATERIALS,
-            solids=(far, *solids),
-            weather=weather or Weather(),
+            made.world, materials=MATERIALS, solids=(far, *solids), weather=weather or Weather()
         ),
     )
 
