@@ -152,8 +152,9 @@ def loaded_by(*modules: str) -> dict[str, str]:
     [
         (("services.router.__main__",), 25),
         (("services.sensors.imu.__main__", "services.sensors.imu.model"), 100),
+        (("services.gateway.__main__",), 160),
     ],
-    ids=["router", "imu"],
+    ids=["router", "imu", "gateway"],
 )
 def test_a_process_imports_what_it_needs(modules: tuple[str, ...], most: int) -> None:
     loaded = loaded_by(*modules)

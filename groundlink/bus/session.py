@@ -27,9 +27,6 @@ from .core_topics import Delivery
 from .credentials import from_environment
 from .inbox import BusInbox
 
-DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-"""Where physics listens by default."""
-
 REPLIES_KEPT = 4096
 """Maximum number of replies to one query; the longest answer is the history of a fast run."""
 

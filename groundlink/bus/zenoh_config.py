@@ -6,6 +6,9 @@ from __future__ import annotations
 import random
 from typing import Any
 
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+"""Where physics listens by default."""
+
 CONNECT_SECONDS = 5.0
 """Timeout for reaching the endpoint."""
 

@@ -12,7 +12,8 @@ import time
 from collections.abc import Callable, Sequence
 
 from groundlink.bus.core_topics import PHYSICS
-from groundlink.bus.session import DEFAULT_ENDPOINT, Bus
+from groundlink.bus.session import Bus
+from groundlink.bus.zenoh_config import DEFAULT_ENDPOINT
 from groundlink.core.extras import process_needs
 from groundlink.process import runner as process
 from groundlink.process.joining import Heartbeat

@@ -21,7 +21,8 @@ from msgspec.structs import replace
 from groundlink.bus.core_topics import ACK, HEALTH, REPLAY, TIME_KEEPERS, Delivery
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import scenario_key
-from groundlink.bus.session import DEFAULT_ENDPOINT, Bus
+from groundlink.bus.session import Bus
+from groundlink.bus.zenoh_config import DEFAULT_ENDPOINT
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
 from groundlink.core.extras import process_needs

@@ -11,7 +11,8 @@ import threading
 from collections.abc import Sequence
 
 from groundlink.bus.core_topics import HEALTH
-from groundlink.bus.session import DEFAULT_ENDPOINT, Bus
+from groundlink.bus.session import Bus
+from groundlink.bus.zenoh_config import DEFAULT_ENDPOINT
 from groundlink.process import runner as process
 
 NAME = "router"

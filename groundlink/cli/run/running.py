@@ -14,8 +14,8 @@ from pathlib import Path
 from rich.console import Console
 
 from groundlink.bus import core_topics
-from groundlink.bus.session import DEFAULT_ENDPOINT
 from groundlink.bus.topics import process_names
+from groundlink.bus.zenoh_config import DEFAULT_ENDPOINT
 from groundlink.core.errors import RequirementError, UserError
 from groundlink.process.runner import address
 from groundlink.scenario import Scenario
