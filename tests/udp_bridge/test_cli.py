@@ -237,7 +237,7 @@ def test_send_to_a_port_where_nobody_listens(tmp_path: Path) -> None:
         to = f"127.0.0.1:{reserved.getsockname()[1]}"
     done = run("send", "--to", to, "--type", "9", "--body", file)
     assert done.returncode == 0
-    assert done.stderr.endswith(f"udp-bridge: nobody listens at {to}\n")
+    assert done.stderr.endswith(f"udp-bridge: no process listens at {to}\n")
 
 
 SEND = ("send", "--to", "127.0.0.1:9", "--type", "9", "--body")

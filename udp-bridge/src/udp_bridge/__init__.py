@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """UDP Bridge: ROS messages as fragmented UDP datagrams, with nothing but the standard library.
 
-Everything but `link` (the one owner of a socket) and the command line is sans-IO: bytes and
-time come in as arguments. The format itself is described in PROTOCOL.md.
+`Link` is one end of a bridge. `wire`, `sender` and `receiver` do no I/O: bytes and time are
+arguments. PROTOCOL.md describes the wire format.
 """
 
 from __future__ import annotations

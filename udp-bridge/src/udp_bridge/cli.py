@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command `udp-bridge`: decode a recording, listen at a port, send one message.
+"""Command `udp-bridge`: decode a recording, listen at a port, send one message.
 
-Messages go to standard output, everything else to standard error. A user's mistake is one line
-and exit code 2. Only types of the table are known here; no body is interpreted.
+Messages go to standard output, everything else to standard error. A wrong argument gives one line
+and exit code 2. Bodies are not decoded.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from udp_bridge.wire.seal import FROM_ROS, TO_ROS
 from udp_bridge.wire.types import MSG_TYPES, type_number
 
 DATAGRAM_NANOS = 1000
-"""Time that passes from one recorded datagram to the next: recordings have no times, and so a
-message is only given up after two million datagrams or at the end."""
+"""Assumed time between two recorded datagrams, because recordings have no times. A message is thus
+given up after two million datagrams or at the end."""
 SEND_TIMEOUT_S = 30.0
-"""The largest message takes 0.4 s at the rate for a peer that never acknowledges."""
+"""The largest message takes 0.4 s to a peer that sends no Credits."""
 LINGER_S = 0.1
-"""How long `send` waits for a host to say that nobody listens."""
+"""How long `send` waits for an ICMP error from the peer's host."""
 
 
 def main(argv: Optional[List[str]] = None) -> int:
@@ -47,11 +47,11 @@ def main(argv: Optional[List[str]] = None) -> int:
         sys.stdout.flush()
         return code
     except BrokenPipeError:
-        # Whoever read the output has seen enough. Nothing may be flushed to it at exit.
+        # The reader closed the pipe, so nothing may be flushed at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (OSError, ValueError) as error:
-        print(f"udp-bridge: {_told(error)}", file=sys.stderr)
+        print(f"udp-bridge: {_error_text(error)}", file=sys.stderr)
         return 2
 
 
@@ -71,32 +71,32 @@ def _decode(arguments: argparse.Namespace) -> int:
 
 
 def _listen(arguments: argparse.Namespace) -> int:
-    is_over = threading.Event()
+    has_ended = threading.Event()
     failures: List[OSError] = []
 
     def on_message(message: Message, sender: Address) -> None:
         try:
             _show(message, as_json=arguments.json)
-        except OSError as error:  # the output is gone, and this is not the main thread
+        except OSError as error:  # the main thread reports it
             failures.append(error)
-            is_over.set()
+            has_ended.set()
 
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: is_over.set())
+        signal.signal(number, lambda *_: has_ended.set())
     shown = None if arguments.quiet else on_message
-    around = open_socket(
+    socket = open_socket(
         arguments.bind,
         peer=arguments.peer,
         secret=read_key(arguments.key_file, arguments.key_env, os.environ),
         sends=FROM_ROS,
         allow_any_peer=arguments.allow_any_peer,
     )
-    with Link(arguments.bind, on_message=shown, report=arguments.report, socket=around) as link:
+    with Link(arguments.bind, on_message=shown, report=arguments.report, socket=socket) as link:
         host, port = link.address
         print(f"udp-bridge: listening at {host}:{port}", file=sys.stderr, flush=True)
         if hint := buffer_hint(link.receive_buffer):
             print(f"udp-bridge: {hint}", file=sys.stderr, flush=True)
-        is_over.wait(arguments.duration)
+        has_ended.wait(arguments.duration)
     if failures:
         raise failures[0]
     _show_counters(link.received, as_json=arguments.json)
@@ -107,15 +107,15 @@ def _send(arguments: argparse.Namespace) -> int:
     with open(arguments.body, "rb") as file:
         body = file.read()
     here = ("0.0.0.0", 0)
-    # A test that speaks to a gateway stands in for ROS, one that speaks to a node for a gateway.
+    # A message of a type to ROS comes from a gateway, any other one from a ROS node.
     sends = TO_ROS if MSG_TYPES[arguments.type].direction == "to ROS" else FROM_ROS
-    around = open_socket(
+    socket = open_socket(
         here,
         peer=arguments.to,
         secret=read_key(arguments.key_file, arguments.key_env, os.environ),
         sends=sends,
     )
-    with Link(here, arguments.to, datagram=arguments.datagram, socket=around) as link:
+    with Link(here, arguments.to, datagram=arguments.datagram, socket=socket) as link:
         stamp_nanos = time.time_ns()
         link.send(arguments.type, arguments.topic, arguments.link, stamp_nanos, body)
         is_sent = link.flush(SEND_TIMEOUT_S)
@@ -124,11 +124,11 @@ def _send(arguments: argparse.Namespace) -> int:
     name = MSG_TYPES[arguments.type].name
     host, port = arguments.to
     message = Message(arguments.type, arguments.topic, arguments.link, stamp_nanos, 0, body)
-    cut = plan(message, arguments.datagram, reserve=around.overhead)
+    cut = plan(message, arguments.datagram, reserve=socket.overhead)
     what = f"{name} of {len(body)} bytes in {cut.parts_max} part{'s' * (cut.parts_max > 1)}"
     print(f"udp-bridge: sent {what} to {host}:{port}", file=sys.stderr)
     if counters["unreachable"]:
-        print(f"udp-bridge: nobody listens at {host}:{port}", file=sys.stderr)
+        print(f"udp-bridge: no process listens at {host}:{port}", file=sys.stderr)
     if not is_sent:
         print(f"udp-bridge: gave up after {SEND_TIMEOUT_S:.0f} s", file=sys.stderr)
     return 0 if is_sent else 1
@@ -170,36 +170,42 @@ def _print_json(row: Dict[str, Any]) -> None:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that tells a mistake in one line."""
+    """A parser whose errors are one line."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="udp-bridge", description="The UDP Bridge as a tool.")
+    parser = _Parser(
+        prog="udp-bridge", description="Decode, receive and send messages of UDP Bridge."
+    )
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
 
     decode = commands.add_parser("decode", help="show the messages in a file of datagrams")
     decode.set_defaults(run=_decode)
-    decode.add_argument("file", metavar="FILE", help="datagrams, each after its length as uint32")
+    decode.add_argument(
+        "file", metavar="FILE", help="datagrams, each preceded by its length as uint32"
+    )
 
     listen = commands.add_parser("listen", help="show the messages that arrive at a port")
     listen.set_defaults(run=_listen)
     listen.add_argument("--bind", metavar="HOST:PORT", type=_address, required=True)
     listen.add_argument(
-        "--peer", metavar="HOST:PORT", type=_address, help="take datagrams from it alone"
+        "--peer", metavar="HOST:PORT", type=_address, help="accept datagrams from this address only"
     )
     listen.add_argument(
         "--allow-any-peer",
         action="store_true",
-        help="take datagrams from any address, although other hosts can reach the port",
+        help="accept datagrams from any address although other hosts can reach the port",
     )
     listen.add_argument("--duration", metavar="S", type=_duration, help="end after S seconds")
-    listen.add_argument("--report", action="store_true", help="tell the senders what arrived")
-    listen.add_argument("--quiet", action="store_true", help="print the counters at the end alone")
+    listen.add_argument(
+        "--report", action="store_true", help="send delivery reports to the senders"
+    )
+    listen.add_argument("--quiet", action="store_true", help="print only the counters at the end")
     for command in (decode, listen):
-        command.add_argument("--json", action="store_true", help="one JSON object a line")
+        command.add_argument("--json", action="store_true", help="print one JSON object per line")
 
     send = commands.add_parser("send", help="send one message")
     send.set_defaults(run=_send)
@@ -216,8 +222,10 @@ def _parser() -> argparse.ArgumentParser:
         help="mtu, loopback (default) or bytes",
     )
     for command in (listen, send):
-        command.add_argument("--key-file", metavar="FILE", help="key that both ends share")
-        command.add_argument("--key-env", metavar="NAME", help="variable with that key")
+        command.add_argument(
+            "--key-file", metavar="FILE", help="file with the key that both ends share"
+        )
+        command.add_argument("--key-env", metavar="NAME", help="environment variable with that key")
     return parser
 
 
@@ -257,7 +265,7 @@ def _datagram(text: str) -> DatagramSize:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
-def _told(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     return str(error)

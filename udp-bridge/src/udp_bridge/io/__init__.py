@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sockets and threads: the `Link`, its UDP socket, wrappers and batched system calls.
+"""Sockets and threads: the `Link`, its UDP socket, wrappers, and batches of datagrams.
 
-The only package of the library that reads clocks and opens sockets, besides `cli` and `node`.
+May be imported by `cli`, `node` and users of a link.
+Never decides about the protocol: `sender` and `receiver` do, without clocks and sockets.
 """

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps the memory that large bodies were copied into, for the next ones.
+"""Keeps freed memory in the process, so that copies of large bodies reuse it.
 
-Rule: it changes nothing but speed. Between a link and its user a body is copied once or twice, and
-pages that are fresh from the kernel cost more than the copy: 5 MB then take twice as long.
+A body is copied once or twice between a link and its user. New pages from the kernel cost more than
+the copy: 5 MB would take twice as long.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ from __future__ import annotations
 import ctypes
 
 KEPT_BYTES = 128 << 20
-"""Free memory at the end of a heap that is not given back: the copies of the largest bodies."""
+"""Free memory at the end of a heap that is kept: copies of the largest bodies."""
 LARGEST_KEPT_BYTES = 32 << 20
-"""Larger requests are mapped and unmapped; glibc allows no more."""
+"""Larger requests are mapped and unmapped; the largest value that glibc allows."""
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 
 
 def keep_memory() -> None:
-    """Tell glibc; another C library does as it likes."""
+    """Configure glibc; other C libraries are left as they are."""
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:
         mallopt(_M_MMAP_THRESHOLD, LARGEST_KEPT_BYTES)

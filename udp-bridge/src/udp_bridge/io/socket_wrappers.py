@@ -13,7 +13,6 @@ import time
 from typing import Iterable, Optional, Sequence, Tuple
 
 from udp_bridge.receiver.receive_slots import CreditState, PartBatch, ReceiveSlots
-from udp_bridge.sender.send_queue import OutgoingBatch
 from udp_bridge.wire.header import Buffer, Refused
 from udp_bridge.wire.message import Address
 from udp_bridge.wire.seal import OVERHEAD, Seal
@@ -83,7 +82,8 @@ class PeerFilter(SocketWrapper):
     def __init__(self, inner: UdpSocket, peers: Iterable[Address]) -> None:
         super().__init__(inner)
         self._peers = _Peers(peers)
-        self._receive_inner, self._send_inner = inner.receive_batch, inner.send_batch
+        self._receive_inner = inner.receive_batch
+        self.send_batch = inner.send_batch
         self.credit_store = inner.credit_store
         if self.credit_store is not None:
             self.credit_store.peers = self._peers
@@ -112,10 +112,6 @@ class PeerFilter(SocketWrapper):
             if batch.unmatched_sender not in self._peers:
                 return batch._replace(unmatched=None, unmatched_sender=None, refused="stranger")
         return batch
-
-    def send_batch(self, batch: OutgoingBatch, to: Address) -> int:
-        """Send parts of a message; return how many the kernel took."""
-        return self._send_inner(batch, to)
 
 
 class SealedSocket(SocketWrapper):

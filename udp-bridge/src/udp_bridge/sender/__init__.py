@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sending half: queues, credit window, retransmission, forward error correction, delivery accounts.
+"""Sending half: queues, flow control, retransmission, forward error correction, delivery counts.
 
-Imported by `io`. Sans-IO: time and bytes are arguments.
+May be imported by `io`, `node` and users of a link.
+Never opens a socket, reads a clock or imports `receiver`: time and bytes are arguments.
 """
