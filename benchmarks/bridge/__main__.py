@@ -19,10 +19,11 @@ from pathlib import Path
 
 from benchmarks.claims import Claim, add_options, judge
 
-from . import cpp, crowded, latency, resending, throughput
+from . import contention as crowded
+from . import cpp, latency, resending, throughput
 from .figure import draw
-from .part import Part
 from .processes import stand_apart
+from .result import Part
 
 PARTS: dict[str, Callable[[bool, Path], Part]] = {
     "latency": latency.run,

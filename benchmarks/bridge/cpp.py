@@ -15,10 +15,10 @@ from pathlib import Path
 
 from benchmarks.claims import Claim
 
-from .ours import UdpBridge
-from .part import Part
+from .bridge_transports import UdpBridge
 from .processes import Program
-from .ways import HERE, RECEIVE_BUFFER
+from .result import Part
+from .transports import HERE, RECEIVE_BUFFER
 
 SIZES = (1_000, 100_000, 1_000_000)
 ROUND_BYTES = 20_000_000

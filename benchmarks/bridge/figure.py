@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from .part import Row
+from .result import Row
 
 _LABELS = {
     "UDP Bridge": "UDP Bridge, from send",

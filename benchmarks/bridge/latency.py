@@ -15,9 +15,9 @@ from pathlib import Path
 
 from benchmarks.claims import Claim
 
-from .ours import FromTheBus, UdpBridge
-from .part import Part
-from .ways import CProgram, Rosbridge, RosSharp, Tcp, Way
+from .bridge_transports import FromTheBus, UdpBridge
+from .result import Part
+from .transports import CProgram, Rosbridge, RosSharp, Tcp, Way
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000, 10_000_000, 16_000_000)
 QUICK_SIZES = (1_000, 1_000_000, 10_000_000)

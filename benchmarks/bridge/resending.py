@@ -15,10 +15,10 @@ from pathlib import Path
 from benchmarks.claims import Claim
 from udp_bridge.sender.repair import Resend
 
+from .bridge_transports import UdpBridge
 from .latency import measure
-from .ours import UdpBridge
-from .part import Part
 from .processes import Late
+from .result import Part
 
 SIZES = (100_000, 1_000_000, 10_000_000)
 LOST = 0.05

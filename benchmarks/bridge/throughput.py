@@ -13,9 +13,9 @@ from pathlib import Path
 
 from benchmarks.claims import Claim
 
-from .ours import UdpBridge
-from .part import Part
-from .ways import CProgram, Streaming
+from .bridge_transports import UdpBridge
+from .result import Part
+from .transports import CProgram, Streaming
 
 SIZES = (1_000_000, 16_000_000)
 ROUND_BYTES = 400_000_000

@@ -21,7 +21,7 @@ from collections import Counter
 
 from udp_bridge.sender.delivery_counts import DeliveryCounts
 
-from .ends import LOCAL, REPAIR, TOOK, TOPICS, End, Receiver, Sender
+from .endpoints import LOCAL, REPAIR, TOOK, TOPICS, End, Receiver, Sender
 from .lossy_relay import Books, Relay
 from .memory import Sample, judged
 

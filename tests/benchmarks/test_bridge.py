@@ -29,7 +29,7 @@ from benchmarks.bridge import cpp
 from benchmarks.bridge.latency import QUICK_SIZES
 from benchmarks.bridge.lossy import lossy_socket
 from benchmarks.bridge.processes import CAP_NET_ADMIN
-from benchmarks.bridge.ways import IMAGE_HEAD_BYTES, image_cdr
+from benchmarks.bridge.transports import IMAGE_HEAD_BYTES, image_cdr
 from benchmarks.claims import Claim
 
 ROOT = Path(__file__).resolve().parents[2]

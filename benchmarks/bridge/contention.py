@@ -13,9 +13,9 @@ from pathlib import Path
 
 from benchmarks.claims import Claim
 
-from .ours import PLAIN, Fates, UdpBridge
-from .part import Part
+from .bridge_transports import PLAIN, Fates, UdpBridge
 from .processes import busy_processes
+from .result import Part
 
 SIZE = 10_000_000
 BUSY = 2

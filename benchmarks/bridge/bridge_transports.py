@@ -30,7 +30,7 @@ from udp_bridge.wire.types import CONTROL
 from .lossy import lossy_socket
 from .processes import PATIENCE_S, Late, Program, Silent, python
 from .receivers import IMAGE, TOPIC
-from .ways import HERE, IMAGE_HEAD_BYTES, LOCALHOST, RECEIVE_BUFFER, RECEIVERS, image_cdr
+from .transports import HERE, IMAGE_HEAD_BYTES, LOCALHOST, RECEIVE_BUFFER, RECEIVERS, image_cdr
 
 PLAIN = {"UDP_BRIDGE_PLAIN": "1"}
 """Environment in which the library asks for each datagram in Python."""
