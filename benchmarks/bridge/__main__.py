@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`python -m benchmarks.bridge [--quick] [--only PART] [--figure FILE] [--json FILE] [--check]`.
 
-Everything runs on this host over loopback and as an ordinary user would run it. Times are the
-machine's, so what the documents claim are ratios, and the last lines say which of them hold.
+Everything runs on this host over loopback, without privileges. Times depend on the machine, so the
+documents claim ratios; the last lines tell which of them hold.
 """
 
 from __future__ import annotations
@@ -21,17 +21,24 @@ from benchmarks.claims import Claim, add_options, judge
 
 from . import contention as crowded
 from . import cpp, latency, resending, throughput
-from .figure import draw
-from .processes import stand_apart
-from .result import Part
+from .processes import drop_privileges
+from .result import BenchmarkResult, Row
 
-PARTS: dict[str, Callable[[bool, Path], Part]] = {
+PARTS: dict[str, Callable[[bool, Path], BenchmarkResult]] = {
     "latency": latency.run,
     "throughput": throughput.run,
     "cpp": cpp.run,
     "processes": crowded.processes,
     "thread": crowded.thread,
     "resending": resending.run,
+}
+
+_LABELS = {
+    "UDP Bridge": "UDP Bridge, from send",
+    "from the bus": "UDP Bridge, from the sensor's publish on the bus",
+    "C program": "C program, until the message is whole",
+    "ROS# way": "ROS# way (rosbridge's calls, read by the leanest server)",
+    "rosbridge": "the same calls, read by rosbridge itself",
 }
 
 
@@ -52,7 +59,7 @@ def main(arguments: Sequence[str]) -> int:
     options = parser.parse_args(arguments)
     if options.figure is not None and options.only not in (None, "latency"):
         parser.error("--figure draws the part `latency`; leave out --only or name that one")
-    stand_apart()
+    drop_privileges()
     began = time.monotonic()
     load, cores = os.getloadavg()[0], os.cpu_count()
     print(f"{cores} cores, load {load:.1f}, Python {sys.version.split()[0]}", flush=True)
@@ -60,7 +67,7 @@ def main(arguments: Sequence[str]) -> int:
         parser.error(f"--rosbridge: there is no file {options.rosbridge}")
     runs = dict(PARTS)
     runs["latency"] = partial(latency.run, rosbridge=options.rosbridge)
-    parts: dict[str, Part] = {}
+    parts: dict[str, BenchmarkResult] = {}
     with tempfile.TemporaryDirectory() as folder:
         for name in [options.only] if options.only else PARTS:
             parts[name] = runs[name](options.quick, Path(folder))
@@ -73,6 +80,25 @@ def main(arguments: Sequence[str]) -> int:
         draw(options.figure, parts["latency"].rows)
         print(f"drawn to {options.figure}")
     return code
+
+
+def draw(file: Path, rows: Sequence[Row]) -> None:
+    """Write a PNG; `rows` are those of `latency`."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(7, 4.5))
+    for name in rows[0]["ms"]:
+        megabytes, took = [r["bytes"] / 1e6 for r in rows], [r["ms"][name] for r in rows]
+        axes.plot(megabytes, took, "o-", label=_LABELS.get(name, name))
+    axes.set(xscale="log", yscale="log", xlabel="message, MB", ylabel="ms until ROS's publish call")
+    axes.grid(True, which="major", alpha=0.4)
+    axes.legend(fontsize=7)
+    figure.tight_layout()
+    figure.savefig(file, dpi=150)
+    pyplot.close(figure)
 
 
 if __name__ == "__main__":

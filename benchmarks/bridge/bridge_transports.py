@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Our own ways: from the library's `send`, and from a sensor's publish on the bus.
+"""Transports of this project: from the library's `send`, and from a sensor's publish on the bus.
 
-Both end at the ROS 2 node as it is shipped, or, where ROS is not what is measured, at the library.
+Both end at the shipped ROS 2 node, or at the library where ROS is not measured.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ from udp_bridge.wire.control import LinkReport, parse
 from udp_bridge.wire.types import CONTROL
 
 from .lossy import lossy_socket
-from .processes import PATIENCE_S, Late, Program, Silent, python
+from .processes import TIMEOUT_S, LineProcess, ProcessFailed, TimedOut, python
 from .receivers import IMAGE, TOPIC
 from .transports import HERE, IMAGE_HEAD_BYTES, LOCALHOST, RECEIVE_BUFFER, RECEIVERS, image_cdr
 
 PLAIN = {"UDP_BRIDGE_PLAIN": "1"}
-"""Environment in which the library asks for each datagram in Python."""
+"""Environment in which the library receives each datagram in Python."""
 _ROOM = HERE.parents[1] / "scenarios" / "indoor_lab.yaml"
 _VEHICLE, _CAMERA = "rover", "camera"
 _JOIN_S = 2.0
-_GIVEN_UP_S = 5.0
-"""A message that was not mended until then is not any more: the receiver gives up after 2 s."""
+_LOST_TIMEOUT_S = 5.0
+"""A message that is not repaired by then is lost: the receiver gives up after 2 s."""
 
 
-class Fates(NamedTuple):
-    """What became of all that was sent, as the receiver reports it."""
+class DeliverySummary(NamedTuple):
+    """Outcome of all sent messages, as the receiver reports it."""
 
     sent: int
     delivered: int
@@ -50,13 +50,13 @@ class Fates(NamedTuple):
     kernel_drops: int
     """Datagrams for which the receive buffer had no room."""
     stalls: int
-    """Times that the sender waited in vain for a word from the receiver."""
+    """Times that the sender waited for a Credit in vain."""
     receive_buffer: int
-    """What the kernel granted to the receiver."""
+    """Bytes that the kernel granted to the receiver."""
 
 
 class UdpBridge:
-    """The library on this side and on the other side a receiver around it.
+    """The library as sender, and a receiver process.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class UdpBridge:
 
     def __init__(
         self,
-        receiver: str | Program = "node",
+        receiver: str | LineProcess = "node",
         *options: str,
         environment: Mapping[str, str] | None = None,
         lost: float = 0.0,
@@ -93,46 +93,48 @@ class UdpBridge:
             repair={(IMAGE, TOPIC): repair} if repair is not None else None,
             socket=lossy_socket(lost, receive_buffer=RECEIVE_BUFFER) if lost else None,
         )
-        self._patience_s = _GIVEN_UP_S if lost else PATIENCE_S
+        self._timeout_s = _LOST_TIMEOUT_S if lost else TIMEOUT_S
         self._report: LinkReport | None = None
         self._bodies: dict[int, bytes] = {}
 
     def send(self, size: int) -> float:
-        """See `Way`; `Late` is raised when the message was lost for good."""
+        """See `Transport`; `TimedOut` is raised when the message was lost for good."""
         return self.stream(size, 1)
 
     def stream(self, size: int, count: int) -> float:
-        """See `Streaming`; each message goes when the one before has left."""
+        """See `StreamingTransport`; each message goes when the one before has left."""
         if size not in self._bodies:
             self._bodies[size] = image_cdr(size)
         body = self._bodies[size]
         began = time.monotonic_ns()
         for index in range(count):
             if index:
-                self._link.flush(PATIENCE_S)
+                self._link.flush(TIMEOUT_S)
             self._link.send(IMAGE, TOPIC, "camera", time.time_ns(), body)
         try:
-            times = [self.receiver.number(self._patience_s) for _ in range(count)]
-        except Late:
+            times = [self.receiver.number(self._timeout_s) for _ in range(count)]
+        except TimedOut:
             told = (self._link.delivery_counts(), self._link.counters(), self._report)
-            raise Late(f"a message has not arrived; {told}") from None
+            raise TimedOut(f"a message has not arrived; {told}") from None
         return (times[-1] - began) / 1e6
 
-    def fates(self) -> Fates:
-        """Wait until the receiver has told of everything, which it does once a second."""
+    def summary(self) -> DeliverySummary:
+        """Wait until the receiver has reported everything, which it does once a second."""
         self._report = None  # one that was on its way may not know of all
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + TIMEOUT_S
         while time.monotonic() < end:
             for row in self._link.delivery_counts():
                 if row.topic == TOPIC and self._report is not None and not row.in_flight:
                     drops, room = self._report.kernel_drops, self._report.receive_buffer
                     stalls = self._link.counters()["stalls"]
-                    return Fates(row.sent, row.delivered, row.repaired, drops, stalls, room)
+                    return DeliverySummary(
+                        row.sent, row.delivered, row.repaired, drops, stalls, room
+                    )
             time.sleep(0.05)
-        raise Silent("the receiver does not report")
+        raise ProcessFailed("the receiver does not report")
 
     def close(self) -> None:
-        """See `Way`."""
+        """See `Transport`."""
         self._link.close()
         self.receiver.close()
 
@@ -141,7 +143,7 @@ class UdpBridge:
             self._report = report
 
 
-class FromTheBus:
+class BusTransport:
     """A sensor's process, Zenoh with its router, the gateway's process, the node's process."""
 
     name = "from the bus"
@@ -159,34 +161,34 @@ class FromTheBus:
             bus.serve(scenario_key(run), lambda _: [scenario])
             joined = [f"--connect={endpoint}", f"--run={run}", f"--bind={LOCALHOST}:0"]
             stack.enter_context(closing(python("services.gateway", *joined, peer)))
-            end = time.monotonic() + PATIENCE_S
+            end = time.monotonic() + TIMEOUT_S
             while not bus.present(HEALTH.key_in(run, process="gateway"), seconds=1.0):
                 if time.monotonic() > end:
-                    raise Silent("the gateway does not join the bus")
+                    raise ProcessFailed("the gateway does not join the bus")
             sensor = python("benchmarks.bridge.sensor", endpoint, key)
             self._sensor = stack.enter_context(closing(sensor))
-            self._reach()
+            self._wait_until_connected()
             self._all = stack.pop_all()
 
-    def send(self, size: int, patience_s: float = PATIENCE_S) -> float:
-        """See `Way`."""
+    def send(self, size: int, timeout_s: float = TIMEOUT_S) -> float:
+        """See `Transport`."""
         self._sensor.say(str(max(0, size - IMAGE_HEAD_BYTES)))
         began = self._sensor.number()
-        return (self._receiver.number(patience_s) - began) / 1e6
+        return (self._receiver.number(timeout_s) - began) / 1e6
 
     def close(self) -> None:
-        """See `Way`."""
+        """See `Transport`."""
         self._all.close()
 
-    def _reach(self) -> None:
+    def _wait_until_connected(self) -> None:
         """Send until something arrives: on the bus nobody is told who listens already."""
         for _ in range(10):
             try:
                 self.send(1000, _JOIN_S)
-            except Late:
+            except TimedOut:
                 continue
             return
-        raise Silent("nothing of the bus reaches the node")
+        raise ProcessFailed("nothing of the bus reaches the node")
 
 
 def _with_camera(scenario: Scenario) -> Scenario:

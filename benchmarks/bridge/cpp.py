@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a plain receiver on the C++ header sustains, beside the library in Python.
+"""Sustained rate of a plain receiver on the C++ header, compared with the library in Python.
 
-To both the library in Python sends, one message after the other, over real sockets; the two take
-turns. What a receiver sustains is what its processor time allows, the kernel's part included; the
-rate that both see is the sender's, and is told beside.
+The library in Python sends to both, one message after the other, over real sockets; the two
+alternate. The sustained rate follows from processor time, the kernel's part included. The message
+rate is limited by the sender and shown for information.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from pathlib import Path
 from benchmarks.claims import Claim
 
 from .bridge_transports import UdpBridge
-from .processes import Program
-from .result import Part
+from .processes import LineProcess
+from .result import BenchmarkResult
 from .transports import HERE, RECEIVE_BUFFER
 
 SIZES = (1_000, 100_000, 1_000_000)
@@ -38,10 +38,10 @@ class Cpp(UdpBridge):
         subprocess.run(
             ["c++", "-std=c++17", "-O2", f"-I{HEADER}", "-o", program, source], check=True
         )
-        super().__init__(Program(program, str(RECEIVE_BUFFER)))
+        super().__init__(LineProcess(program, str(RECEIVE_BUFFER)))
 
 
-def run(quick: bool, folder: Path) -> Part:
+def run(quick: bool, folder: Path) -> BenchmarkResult:
     """Measure and print."""
     rounds = 3 if quick else 25
     rows, claims = [], []
@@ -59,20 +59,22 @@ def run(quick: bool, folder: Path) -> Part:
             print(f"{size:9} {columns}  {rounds} x {count}", flush=True)
             what = f"{size} bytes, what C++ sustains in times of Python"
             claims.append(Claim(what, times, LEAST_TIMES))
-    return Part(rows, claims)
+    return BenchmarkResult(rows, claims)
 
 
 def measure(
-    ways: tuple[UdpBridge, UdpBridge], size: int, count: int, rounds: int
+    transports: tuple[UdpBridge, UdpBridge], size: int, count: int, rounds: int
 ) -> tuple[tuple[list[float], list[float]], tuple[list[float], list[float]]]:
     """Return processor time a message in us and messages a second of each round, way by way."""
     spent: tuple[list[float], list[float]] = [], []
     rates: tuple[list[float], list[float]] = [], []
     for index in range(rounds + 1):
         for which in (0, 1) if index % 2 else (1, 0):
-            before = ways[which].receiver.spent_nanos()
-            took_ms = ways[which].stream(size, count)
+            before = transports[which].receiver.spent_nanos()
+            took_ms = transports[which].stream(size, count)
             if index:  # the first one warms up
-                spent[which].append((ways[which].receiver.spent_nanos() - before) / count / 1e3)
+                spent[which].append(
+                    (transports[which].receiver.spent_nanos() - before) / count / 1e3
+                )
                 rates[which].append(count / took_ms * 1e3)
     return spent, rates

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long single messages of 1 kB to 16 MB take until ROS's `publish` is called, by each way.
+"""Latency of single messages of 1 kB to 16 MB until ROS's `publish` is called, for each transport.
 
-They go in turn by each way, so that all share the machine's moods: compare within a line. The order
-changes, since each way leaves work behind (caches, memory to be freed) for the one that follows.
+Messages alternate between the transports, so that all see the same load: compare within a line. The
+order is random, because a transport leaves work (caches, memory to free) to the next one.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from pathlib import Path
 
 from benchmarks.claims import Claim
 
-from .bridge_transports import FromTheBus, UdpBridge
-from .result import Part
-from .transports import CProgram, Rosbridge, RosSharp, Tcp, Way
+from .bridge_transports import BusTransport, UdpBridge
+from .result import BenchmarkResult
+from .transports import CProgram, Rosbridge, RosSharp, Tcp, Transport
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000, 10_000_000, 16_000_000)
 QUICK_SIZES = (1_000, 1_000_000, 10_000_000)
@@ -29,21 +29,21 @@ GOAL = {10_000_000: 20.0}
 _WARM_UP = 5
 
 
-def run(quick: bool, folder: Path, rosbridge: Path | None = None) -> Part:
+def run(quick: bool, folder: Path, rosbridge: Path | None = None) -> BenchmarkResult:
     """Measure and print; by a real rosbridge too where its `rosbridge_websocket` is given."""
     rows, claims = [], []
     with ExitStack() as stack:
-        ways: list[Way] = []
-        for make in (UdpBridge, FromTheBus, lambda: CProgram(folder), Tcp, RosSharp):
-            ways.append(stack.enter_context(closing(make())))
+        transports: list[Transport] = []
+        for make in (UdpBridge, BusTransport, lambda: CProgram(folder), Tcp, RosSharp):
+            transports.append(stack.enter_context(closing(make())))
         if rosbridge is not None:
-            ways.append(stack.enter_context(closing(Rosbridge(rosbridge))))
-        names = [way.name for way in ways]
+            transports.append(stack.enter_context(closing(Rosbridge(rosbridge))))
+        names = [way.name for way in transports]
         print("\nUntil ROS's publish call (C program: until whole), medians in ms:")
         print(" ".join([f"{'bytes':>9}", *(f"{n:>12}" for n in names), "  ROS#/ours  messages"]))
         for size in QUICK_SIZES if quick else SIZES:
             count = 3 if quick else max(21, min(100, 100_000_000 // size))
-            took = measure(ways, size, count)
+            took = measure(transports, size, count)
             medians = dict(zip(names, map(statistics.median, took), strict=True))
             ratio = medians[RosSharp.name] / medians[UdpBridge.name]
             columns = " ".join(f"{median:12.3f}" for median in medians.values())
@@ -52,14 +52,14 @@ def run(quick: bool, folder: Path, rosbridge: Path | None = None) -> Part:
             paper = PAPER_LARGE if size >= LARGE else PAPER_SMALL
             what = f"{size} bytes, times faster than the ROS# way"
             claims.append(Claim(what, ratio, GOAL.get(size, paper)))
-    return Part(rows, claims)
+    return BenchmarkResult(rows, claims)
 
 
-def measure(ways: Sequence[Way], size: int, count: int) -> list[list[float]]:
+def measure(transports: Sequence[Transport], size: int, count: int) -> list[list[float]]:
     """Send `count` messages by each way in turn; return what each took in ms, way by way."""
-    took: list[list[float]] = [[] for _ in ways]
+    took: list[list[float]] = [[] for _ in transports]
     orders = random.Random(size)
     for _ in range(count + _WARM_UP):
-        for which in orders.sample(range(len(ways)), len(ways)):
-            took[which].append(ways[which].send(size))
+        for which in orders.sample(range(len(transports)), len(transports)):
+            took[which].append(transports[which].send(size))
     return [row[_WARM_UP:] for row in took]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A socket that loses a share of what comes to it, in the kernel, so that it costs no time.
+"""A socket that drops a share of the received datagrams in the kernel, at no cost of time.
 
-Linux runs a filter of four instructions for each datagram (a classic BPF program; nobody needs a
-privilege for that). It counts what it drops as if the receive buffer had been full.
+Linux runs a classic BPF program of four instructions for each datagram, which needs no privilege.
+Its drops are counted as if the receive buffer had been full.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _ALL = 0xFFFFFFFF
 
 
 def lossy_socket(share: float, *, receive_buffer: int) -> UdpSocket:
-    """Return a bound socket that loses `share` of the datagrams that come to it."""
+    """Return a bound socket that drops `share` of the received datagrams."""
     bound = UdpSocket(("127.0.0.1", 0), receive_buffer=receive_buffer, wait_s=0.1)
     program = [
         (_LOAD, 0, 0, _RANDOM),

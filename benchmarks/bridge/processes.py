@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The processes of a measurement: told and asked by lines, without privileges, always ended.
+"""Processes of a measurement: controlled by lines, unprivileged, and always ended.
 
-Rule: what is measured runs as any user could run it, so `stand_apart` takes from all processes
-that are started later the right to exceed the system's limit on receive buffers.
+`drop_privileges` removes the right to exceed the system's limit on receive buffers, so that the
+results hold for any user.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-PATIENCE_S = 30.0
-"""How long a line may take: far more than it does, unless a datagram was lost for good."""
+TIMEOUT_S = 30.0
+"""Longest time for a line; exceeded only if a message was lost."""
 _END_S = 5.0
 _PR_SET_PDEATHSIG = 1
 _PR_CAPBSET_DROP = 24
@@ -28,16 +28,16 @@ CAP_NET_ADMIN = 12
 _prctl = ctypes.CDLL(None).prctl
 
 
-class Silent(RuntimeError):
-    """A process ended, or did not say what it should have."""
+class ProcessFailed(RuntimeError):
+    """A process ended or wrote an unexpected line."""
 
 
-class Late(Silent):
-    """A process still runs, but said nothing in time."""
+class TimedOut(ProcessFailed):
+    """A process is running, but wrote no line in time."""
 
 
-def stand_apart() -> None:
-    """Take CAP_NET_ADMIN from all that this process starts, and give them a ROS domain."""
+def drop_privileges() -> None:
+    """Remove CAP_NET_ADMIN from all child processes and set a ROS domain for them."""
     # Without CAP_SETPCAP it fails, but then there is nothing to take either.
     _prctl(_PR_CAPBSET_DROP, CAP_NET_ADMIN, 0, 0, 0)
     # The ports of the domains below 101 lie below those that the kernel hands out.
@@ -45,12 +45,12 @@ def stand_apart() -> None:
 
 
 def _end_with_parent() -> None:
-    """Leave nobody behind, even if this process is killed; runs in the child, before `exec`."""
+    """End the child with this process, even if it is killed; runs in the child before `exec`."""
     _prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
 
 
-class Program:
-    """A process with which lines are exchanged."""
+class LineProcess:
+    """A process controlled by lines on its standard input and output."""
 
     def __init__(self, *command: str, environment: Mapping[str, str] | None = None) -> None:
         self._errors = tempfile.TemporaryFile()
@@ -70,18 +70,18 @@ class Program:
         assert self._process.stdin is not None
         self._process.stdin.write(line.encode() + b"\n")
 
-    def number(self, patience_s: float = PATIENCE_S) -> int:
+    def number(self, timeout_s: float = TIMEOUT_S) -> int:
         """Wait for the process's next line, a number.
 
         Raises
         ------
-        Late
+        TimedOut
             When it does not come in time.
-        Silent
+        ProcessFailed
             When the process has ended.
         """
         assert self._process.stdout is not None
-        end = time.monotonic() + patience_s
+        end = time.monotonic() + timeout_s
         while b"\n" not in self._read:
             rest = max(0.0, end - time.monotonic())
             ready, _, _ = select.select([self._process.stdout], [], [], rest)
@@ -90,7 +90,7 @@ class Program:
                 self._errors.seek(0)
                 said = self._errors.read().decode(errors="replace")[-2000:]
                 why = f"no answer from {self._process.args!r}; its last words: {said}"
-                raise Silent(why) if ready else Late(why)
+                raise ProcessFailed(why) if ready else TimedOut(why)
             self._read += more
         line, _, self._read = self._read.partition(b"\n")
         return int(line)
@@ -113,9 +113,9 @@ class Program:
             file.close()
 
 
-def python(module: str, *words: str, environment: Mapping[str, str] | None = None) -> Program:
+def python(module: str, *words: str, environment: Mapping[str, str] | None = None) -> LineProcess:
     """Start a module as a process."""
-    return Program(sys.executable, "-m", module, *words, environment=environment)
+    return LineProcess(sys.executable, "-m", module, *words, environment=environment)
 
 
 @contextmanager
@@ -123,6 +123,6 @@ def busy_processes(count: int) -> Iterator[None]:
     """Let processes compute beside."""
     with ExitStack() as stack:
         for _ in range(count):
-            busy = Program(sys.executable, "-c", "while True: pass")
+            busy = LineProcess(sys.executable, "-c", "while True: pass")
             stack.callback(busy.close)
         yield

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The receiving side of each way, a process of its own: `python -m benchmarks.bridge.receivers`.
+"""Receiver process of each transport: `python -m benchmarks.bridge.receivers`.
 
-It prints its port, and then for each message, in nanoseconds of the host's monotonic clock, when
-`publish` was called (after it has returned, so that the next message finds the machine at rest), or
-without ROS when the message was handed over. Nothing else is measured here.
+It prints its port, and then for each message the time at which `publish` was called, or without ROS
+the time of delivery, in nanoseconds of the host's monotonic clock. It prints after `publish` has
+returned, so that it does not disturb the measurement.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ IMAGE = 33
 _SIZE = struct.Struct("<Q")
 
 
-def tell(number: int) -> None:
+def report(number: int) -> None:
     """Print a time, or a port."""
     os.write(1, b"%d\n" % number)
 
@@ -48,10 +48,10 @@ class Publisher:
         """Publish a message, or its bytes, and tell when."""
         nanos = time.monotonic_ns()
         self._publisher.publish(message)
-        tell(nanos)
+        report(nanos)
 
 
-def own_publisher(way: str) -> Publisher:
+def plain_publisher(way: str) -> Publisher:
     """Return a publisher of a plain node, with the DDS settings and the QoS of ours."""
     from udp_bridge.node import topic_qos
     from udp_bridge.node.message_class import message_class
@@ -77,7 +77,7 @@ def node(_: argparse.Namespace) -> None:
     from udp_bridge_ros2 import __main__ as start
     from udp_bridge_ros2 import node as module
 
-    class Telling(module.Ros2Node):
+    class ReportingNode(module.Ros2Node):
         def __init__(self, **options: Any) -> None:
             super().__init__(**options)
             print(self._bridge.link.address[1], flush=True)
@@ -86,7 +86,7 @@ def node(_: argparse.Namespace) -> None:
             publisher = super().create_publisher(*given, **more)
             return Publisher(publisher) if given[1] == TOPIC else publisher
 
-    setattr(module, "Ros2Node", Telling)  # noqa: B010
+    setattr(module, "Ros2Node", ReportingNode)  # noqa: B010
     sys.exit(start.main(["--bind", "127.0.0.1:0"]))
 
 
@@ -96,7 +96,7 @@ def library(options: argparse.Namespace) -> None:
 
     def on_message(message: Message, _: object) -> None:
         if message.msg_type == IMAGE:
-            tell(time.monotonic_ns())
+            report(time.monotonic_ns())
             kept[:] = [message]
 
     lossy = None
@@ -109,7 +109,7 @@ def library(options: argparse.Namespace) -> None:
 
 def tcp(_: argparse.Namespace) -> None:
     """Receive length and body by TCP."""
-    publisher = own_publisher("tcp")
+    publisher = plain_publisher("tcp")
     with socket.create_server(("127.0.0.1", 0)) as server:
         print(server.getsockname()[1], flush=True)
         connection, _peer = server.accept()
@@ -130,7 +130,7 @@ def ros_sharp(_: argparse.Namespace) -> None:
 
     from udp_bridge.node.message_class import message_class
 
-    publisher = own_publisher("ros_sharp")
+    publisher = plain_publisher("ros_sharp")
     classes: dict[str, type[Any]] = {}
 
     def advertise(call: dict[str, Any]) -> None:
@@ -174,28 +174,28 @@ def rosbridge(options: argparse.Namespace) -> None:
 
     create = Node.create_publisher
 
-    def telling(self: Node, *given: Any, **more: Any) -> Any:
+    def create_reporting(self: Node, *given: Any, **more: Any) -> Any:
         publisher = create(self, *given, **more)
         return Publisher(publisher) if given[1] == TOPIC else publisher
 
-    setattr(Node, "create_publisher", telling)  # noqa: B010
+    setattr(Node, "create_publisher", create_reporting)  # noqa: B010
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    threading.Thread(target=_tell_of_server, args=[port], daemon=True).start()
+    threading.Thread(target=_report_server, args=[port], daemon=True).start()
     sys.stdout = sys.stderr  # for what it has to say itself
     sys.argv = [options.program, "--address", "127.0.0.1", "--port", str(port)]
     sys.argv += ["--max_message_size", str(1 << 27)]  # it refuses more than 10 MB otherwise
     runpy.run_path(options.program, run_name="__main__")
 
 
-def _tell_of_server(port: int) -> None:
+def _report_server(port: int) -> None:
     """Print the port as soon as somebody serves there."""
     while True:
         with (
             contextlib.suppress(ConnectionRefusedError),
             socket.create_connection(("127.0.0.1", port)),
         ):
-            return tell(port)
+            return report(port)
         time.sleep(0.05)
 
 
@@ -205,11 +205,11 @@ def compute() -> None:
         pass
 
 
-WAYS = {way.__name__: way for way in (node, library, tcp, ros_sharp, rosbridge)}
+RECEIVERS_BY_NAME = {way.__name__: way for way in (node, library, tcp, ros_sharp, rosbridge)}
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
-    parser.add_argument("way", choices=WAYS)
+    parser.add_argument("way", choices=RECEIVERS_BY_NAME)
     parser.add_argument("--busy-thread", action="store_true")
     parser.add_argument("--lost", type=float, default=0.0)
     parser.add_argument("--program")
@@ -217,4 +217,4 @@ if __name__ == "__main__":
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     if given.busy_thread:
         threading.Thread(target=compute, daemon=True).start()
-    WAYS[given.way](given)
+    RECEIVERS_BY_NAME[given.way](given)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much longer messages take when each end loses 5 % of what comes to it and asks again.
+"""Latency with retransmission when each end loses 5 % of the received datagrams.
 
-The lossless ones go the same way without repair, between processes of their own; the two take
-turns. Losses happen in the kernel and cost nothing themselves.
+It is compared with a lossless link without repair between other processes; the two alternate.
+Losses happen in the kernel and cost no time.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from udp_bridge.sender.repair import Resend
 
 from .bridge_transports import UdpBridge
 from .latency import measure
-from .processes import Late
-from .result import Part
+from .processes import TimedOut
+from .result import BenchmarkResult
 
 SIZES = (100_000, 1_000_000, 10_000_000)
 LOST = 0.05
@@ -28,14 +28,14 @@ MOST_TIMES = 2.0
 
 class _Lossy(UdpBridge):
     def send(self, size: int) -> float:
-        """See `Way`; what is lost for good takes forever."""
+        """See `Transport`; what is lost for good takes forever."""
         try:
             return super().send(size)
-        except Late:
+        except TimedOut:
             return math.inf
 
 
-def run(quick: bool, _: Path) -> Part:
+def run(quick: bool, _: Path) -> BenchmarkResult:
     """Measure and print."""
     count = 20 if quick else 200
     rows, claims = [], []
@@ -51,11 +51,11 @@ def run(quick: bool, _: Path) -> Part:
             medians = [statistics.median(row) for row in took]
             ratio = medians[1] / medians[0]
             p99 = sorted(took[1])[count * 99 // 100]
-            fates = lossy.fates()[:3]
-            new = [now - then for now, then in zip(fates, before, strict=True)]
+            summary = lossy.summary()[:3]
+            new = [now - then for now, then in zip(summary, before, strict=True)]
             row = dict(zip(("sent", "delivered", "repaired"), new, strict=True))
             rows.append({"bytes": size, "ms": medians, "ratio": ratio, **row})
-            before = fates
+            before = summary
             print(
                 f"{size:9} {medians[0]:13.3f} {medians[1]:9.3f} {ratio:9.2f} {p99:13.2f}  "
                 f"{row['delivered']} of {row['sent']}, {row['repaired']}",
@@ -63,4 +63,4 @@ def run(quick: bool, _: Path) -> Part:
             )
             what = f"{size} bytes, times as long with 5 % lost"
             claims.append(Claim(what, ratio, MOST_TIMES, is_at_least=False))
-    return Part(rows, claims)
+    return BenchmarkResult(rows, claims)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a part of the benchmark gives back."""
+"""Result of one part of the benchmark."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 from benchmarks.claims import Claim
 
 Row = Mapping[str, Any]
-"""A line of a table, for machines."""
+"""A line of a table in `--json`."""
 
 
-class Part(NamedTuple):
-    """What a part of the benchmark found."""
+class BenchmarkResult(NamedTuple):
+    """Measured rows and the claims that they support."""
 
     rows: Sequence[Row]
     claims: Sequence[Claim]

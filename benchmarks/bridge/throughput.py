@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How many bytes a second pass when one message follows the other, beside the C program.
+"""Throughput of consecutive messages, compared with the C program.
 
-Both send as fast as their window lets them, both receivers keep one message while the next one
-comes, and neither publishes anything. Rounds of the two take turns, and which one begins does, too.
+Both send as fast as their window allows, both receivers keep one message while the next one
+arrives, and neither publishes. Rounds alternate, and so does which of the two begins.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from pathlib import Path
 from benchmarks.claims import Claim
 
 from .bridge_transports import UdpBridge
-from .result import Part
-from .transports import CProgram, Streaming
+from .result import BenchmarkResult
+from .transports import CProgram, StreamingTransport
 
 SIZES = (1_000_000, 16_000_000)
 ROUND_BYTES = 400_000_000
 LEAST_SHARE = 0.85
 
 
-def run(quick: bool, folder: Path) -> Part:
+def run(quick: bool, folder: Path) -> BenchmarkResult:
     """Measure and print."""
     rounds = 3 if quick else 25
     rows, claims = [], []
@@ -37,23 +37,23 @@ def run(quick: bool, folder: Path) -> Part:
             rates = measure((ours, program), size, count, rounds)
             share = statistics.median(a / b for a, b in zip(*rates, strict=True))
             medians = [statistics.median(row) for row in rates]
-            fates = ours.fates()
-            sent, delivered = fates.delivered - delivered, fates.delivered
+            summary = ours.summary()
+            sent, delivered = summary.delivered - delivered, summary.delivered
             columns = " ".join(f"{median:12.0f}" for median in medians)
             print(f"{size:9} {columns} {share:7.2f}  {rounds} x {count}", flush=True)
             rows.append({"bytes": size, "sent": (rounds + 1) * count, "delivered": sent})
             claims.append(Claim(f"{size} bytes, of the C program's throughput", share, LEAST_SHARE))
-        print(f"{'':9} all in all {fates.delivered} of {fates.sent} delivered, as reported")
-    return Part(rows, claims)
+        print(f"{'':9} all in all {summary.delivered} of {summary.sent} delivered, as reported")
+    return BenchmarkResult(rows, claims)
 
 
 def measure(
-    ways: tuple[Streaming, Streaming], size: int, count: int, rounds: int
+    transports: tuple[StreamingTransport, StreamingTransport], size: int, count: int, rounds: int
 ) -> tuple[list[float], list[float]]:
     """Return the MB/s of each round of `count` messages, way by way; one round warms up."""
     rates: tuple[list[float], list[float]] = [], []
     for index in range(rounds + 1):
         for which in (0, 1) if index % 2 else (1, 0):
-            took_ms = ways[which].stream(size, count)
+            took_ms = transports[which].stream(size, count)
             rates[which].append(size * count / took_ms / 1e3)
     return rates[0][1:], rates[1][1:]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ways to carry a message to ROS, all with the same interface: send one, say how long it took.
+"""Transports to ROS with one interface: send a message and return its latency.
 
-Each has its receiver in a process of its own. Bodies are an Image in CDR of the wanted size, but
-for the ROS# way, which sends the same picture as JSON, and the C program, which sends one value.
+Each has its receiver in another process. Bodies are an Image in CDR of the given size, except for
+ROS#, which sends the same pixels as JSON, and the C program, which repeats one value.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from typing import Protocol
 
 from websockets.sync.client import connect
 
-from .processes import Program, python
+from .processes import LineProcess, python
 
 HERE = Path(__file__).parent
 LOCALHOST = "127.0.0.1"
 RECEIVERS = "benchmarks.bridge.receivers"
 RECEIVE_BUFFER = 8 << 20
-"""What the kernel grants to anybody where net.core.rmem_max is 4 MiB."""
+"""Granted without privileges where net.core.rmem_max is 4 MiB."""
 IMAGE_HEAD_BYTES = 52
-"""What an Image in CDR has before its pixels, with the names used here."""
+"""Bytes of an Image in CDR before its pixels, with the names used here."""
 
 
-class Way(Protocol):
-    """One of them, ready to send."""
+class Transport(Protocol):
+    """Sends single messages."""
 
     name: str
 
@@ -42,8 +42,8 @@ class Way(Protocol):
         """End its processes."""
 
 
-class Streaming(Protocol):
-    """A way that can send one message behind the other."""
+class StreamingTransport(Protocol):
+    """Sends consecutive messages."""
 
     name: str
 
@@ -51,14 +51,14 @@ class Streaming(Protocol):
         """Send `count` messages, wait until all of them have arrived, return what it took in ms."""
 
 
-def picture(size: int) -> bytes:
+def random_pixels(size: int) -> bytes:
     """Return incompressible bytes, the same for the same size."""
     return random.Random(size).randbytes(size)
 
 
 def image_cdr(size: int) -> bytes:
     """Return a sensor_msgs/Image in CDR of `size` bytes, at least those of its head."""
-    data = picture(max(0, size - IMAGE_HEAD_BYTES))
+    data = random_pixels(max(0, size - IMAGE_HEAD_BYTES))
     frame, encoding = b"camera\0", b"mono8\0"
     body = struct.pack("<iI", 0, 0) + struct.pack("<I", len(frame)) + frame
     body += bytes(-len(body) % 4) + struct.pack("<II", 1, len(data))
@@ -75,22 +75,22 @@ class CProgram:
     def __init__(self, folder: Path) -> None:
         program = str(folder / "rival")
         subprocess.run(["cc", "-O2", "-o", program, str(HERE / "rival.c")], check=True)
-        self._receiver = Program(program, "receive", str(RECEIVE_BUFFER))
+        self._receiver = LineProcess(program, "receive", str(RECEIVE_BUFFER))
         port = str(self._receiver.number())
-        self._sender = Program(program, "send", str(RECEIVE_BUFFER), port)
+        self._sender = LineProcess(program, "send", str(RECEIVE_BUFFER), port)
 
     def send(self, size: int) -> float:
-        """See `Way`."""
+        """See `Transport`."""
         return self.stream(size, 1)
 
     def stream(self, size: int, count: int) -> float:
-        """See `Streaming`."""
+        """See `StreamingTransport`."""
         self._sender.say(f"{size} {count}")
         began = self._sender.number()
         return ([self._receiver.number() for _ in range(count)][-1] - began) / 1e6
 
     def close(self) -> None:
-        """See `Way`."""
+        """See `Transport`."""
         self._sender.close()
         self._receiver.close()
 
@@ -107,7 +107,7 @@ class Tcp:
         self._bodies: dict[int, bytes] = {}
 
     def send(self, size: int) -> float:
-        """See `Way`."""
+        """See `Transport`."""
         if size not in self._bodies:
             self._bodies[size] = image_cdr(size)
         body = self._bodies[size]
@@ -117,7 +117,7 @@ class Tcp:
         return (self._receiver.number() - began) / 1e6
 
     def close(self) -> None:
-        """See `Way`."""
+        """See `Transport`."""
         self._socket.close()
         self._receiver.close()
 
@@ -135,9 +135,9 @@ class RosSharp:
         self._pictures: dict[int, bytes] = {}
 
     def send(self, size: int) -> float:
-        """See `Way`."""
+        """See `Transport`."""
         if size not in self._pictures:
-            self._pictures[size] = picture(max(0, size - IMAGE_HEAD_BYTES))
+            self._pictures[size] = random_pixels(max(0, size - IMAGE_HEAD_BYTES))
         data = self._pictures[size]
         began = time.monotonic_ns()
         header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "camera"}
@@ -156,7 +156,7 @@ class RosSharp:
         self._connection.send(json.dumps({"op": operation, "topic": "/image", **more}))
 
     def close(self) -> None:
-        """See `Way`."""
+        """See `Transport`."""
         self._connection.close()
         self._receiver.close()
 

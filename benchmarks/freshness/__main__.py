@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How old data are at the end of a lossy link, ours and TCP's: `python -m benchmarks.freshness`.
+"""Age of data at the end of a lossy link, UDP Bridge and TCP: `python -m benchmarks.freshness`.
 
-Rule: 1 MB ten times a second over a link that loses 5 % of what it carries and takes 10 ms each
-way, for all the same emulation: of datagrams, in the project's own relay, or of IP packets between
-two network namespaces, where the kernel's TCP is, and ours again. A loss costs TCP more the smaller
-its packets are, so it is measured at the size of Ethernet and at the largest there is, and with
-Linux's default congestion control, CUBIC, and with BBR, which mostly overlooks random loss. Ours
-sends 1 MB in four messages over Ethernet's packets, as it does not fit into 255 of them; as one
-message it would go in IP fragments.
+1 MB is sent ten times a second over an emulated link with 5 % loss and 10 ms delay each way. The
+link is the project's relay for datagrams, or IP packets between two network namespaces, used by the
+kernel's TCP and by UDP Bridge. A loss costs TCP more the smaller its packets are, so it is measured
+with Ethernet's and with the largest packets, and with CUBIC, Linux's default congestion control,
+and BBR, which mostly ignores random loss. UDP Bridge sends 1 MB as four messages over Ethernet's
+packets, because it does not fit into 255 of them; a single message would cause IP fragments.
 """
 
 from __future__ import annotations
@@ -36,27 +35,22 @@ SAMPLE_NANOS = 5_000_000
 WORSE_AT_LEAST = 20.0
 
 
-class Result(NamedTuple):
-    """One way to send, in milliseconds."""
+class TransportAges(NamedTuple):
+    """Ages of one transport in milliseconds."""
 
     name: str
     delivered: int
     ages_ms: list[float]
-    """Of the messages that arrived, sorted."""
+    """Of the received messages, sorted."""
     newest_ms: list[float]
-    """How old the newest one at the receiver was, sampled all the time; sorted. It also counts
-    what did not arrive."""
+    """Age of the newest message at the receiver, sampled continuously and sorted; losses count."""
 
 
-def result(name: str, arrivals: list[Arrival], seconds: float) -> Result:
-    """Return the ages of what arrived.
-
-    From the first arrival on, at most until the sender's end: what came of the start is of no
-    interest, and behind the end nothing could be fresh.
-    """
+def result(name: str, arrivals: list[Arrival], seconds: float) -> TransportAges:
+    """Return the ages of the received messages, from the first arrival until the sender stops."""
     rows = sorted(arrivals, key=lambda row: row.at_nanos)
     if not rows:
-        return Result(name, 0, [], [])
+        return TransportAges(name, 0, [], [])
     end = rows[0].stamp_nanos + round((seconds - 1 / RATE_HZ) * 1e9)
     newest = []
     stamp, index = rows[0].stamp_nanos, 0
@@ -66,7 +60,7 @@ def result(name: str, arrivals: list[Arrival], seconds: float) -> Result:
             index += 1
         newest.append((now - stamp) / 1e6)
     ages = sorted((row.at_nanos - row.stamp_nanos) / 1e6 for row in rows)
-    return Result(name, len(rows), ages, sorted(newest))
+    return TransportAges(name, len(rows), ages, sorted(newest))
 
 
 def at(values: list[float], share: float) -> float:
@@ -125,7 +119,7 @@ COMPARED = (
 packets, each of which is one loss to its link, and both over the very same network."""
 
 
-def _compared(ours: Result, theirs: Result) -> float:
+def _compared(ours: TransportAges, theirs: TransportAges) -> float:
     """Print how much older TCP is at p99; return it for what arrived."""
     ratio = at(theirs.ages_ms, 0.99) / at(ours.ages_ms, 0.99)
     newest = at(theirs.newest_ms, 0.99) / at(ours.newest_ms, 0.99)
@@ -134,7 +128,7 @@ def _compared(ours: Result, theirs: Result) -> float:
     return ratio
 
 
-def draw(results: list[Result], path: Path) -> None:
+def draw(results: list[TransportAges], path: Path) -> None:
     """Draw which share of the time the newest data were older than an age."""
     import matplotlib
 

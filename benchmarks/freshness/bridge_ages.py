@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ages of messages that the bridge carries over the emulated link, on real sockets.
 
-Rule: sender, link and receiver are processes of their own, with nothing but the bridge in them.
-A message's age is the time from its stamp until it was handed over whole. The link is the
-project's own relay, which loses datagrams, or the network that TCP is measured on, which loses IP
-packets: there a datagram is lost with any of its fragments.
+Sender, link and receiver are separate processes. A message's age is the time from its stamp until
+its delivery. The link is the project's relay, which loses datagrams, or the network that TCP is
+measured on, which loses IP packets: there a datagram is lost with any of its fragments.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ages of messages that the kernel's own TCP carries over the emulated link.
 
-Rule: in TCP's favour wherever there is a choice. Of the messages that wait only the newest is
-sent, Nagle's delay is off, nothing is serialised or copied, and every process has nothing else to
-do. A message's age is the time from its stamp until its last byte was read.
+Every choice favors TCP: of the waiting messages only the newest is sent, Nagle's algorithm is off,
+bodies are neither serialized nor copied, and the processes do nothing else. A message's age is the
+time from its stamp until its last byte was read.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _BEGIN_S = 0.5
 
 
 class Arrival(NamedTuple):
-    """A message that was handed over, by one clock."""
+    """A delivered message; both times are of one clock."""
 
     stamp_nanos: int
     at_nanos: int

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two hosts of their own network on one machine, joined by the project's emulated link.
+"""Two emulated hosts on one machine, joined by the project's emulated link.
 
-Rule: what runs on them is the kernel's real TCP, each host a network namespace with one TUN
-interface; every IP packet between them goes through `groundlink.emulation`, as datagrams do in the
-relay. Nothing outside is touched, and all of it ends with the processes. Linux; root, or a system
-that allows user namespaces.
+Each host is a network namespace with one TUN interface and uses the kernel's TCP. Every IP packet
+between them passes `groundlink.emulation`, as datagrams do in the relay. The network ends with the
+processes. It needs Linux and root, or user namespaces.
 """
 
 from __future__ import annotations

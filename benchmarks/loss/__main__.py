@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What arrives over a lossy link, with and without repair: `python -m benchmarks.loss`.
+"""Delivery over a lossy link with and without repair: `python -m benchmarks.loss`.
 
-Rule: every row of the table is a seeded run in virtual time of the bridge's own rules over the
-project's own link, beside what probability theory says of it where it does. What was handed over
-is compared byte by byte with what was sent.
+Every row of the table is a seeded simulation in virtual time: the bridge's sender and receiver and
+the project's emulated link. Where probability theory predicts the result it is shown beside.
+Delivered bodies are compared byte by byte with those sent.
 """
 
 from __future__ import annotations

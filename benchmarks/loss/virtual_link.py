@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Both ends of a bridge and the emulated link between them, in virtual time.
 
-Rule: the bridge's own sending and receiving rules and the project's own link, but no socket, no
-thread and no clock: a run is the same each time, and minutes of it take seconds. What is left out
-is what only kernels do: they schedule, and their buffers overflow.
+It uses the bridge's real sender and receiver and the project's link, but no socket, thread or
+clock: results are reproducible, and minutes take seconds. Not simulated are the kernel's scheduling
+and its buffer overflows.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ MSG_TYPE, TOPIC, LINK = 1, "/points", "lidar"
 SENDER, RECEIVER = ("10.0.0.1", 7510), ("10.0.0.2", 7511)
 RECEIVE_BUFFER = 8 << 20
 _EXPIRY_NANOS = NANOS // 10
-"""How often a receiver looks at its clock when nothing comes."""
+"""Period at which an idle receiver expires messages."""
 
 
 class Handed(NamedTuple):
-    """A message that was handed over, and when."""
+    """A delivered message, and when."""
 
     message: Message
     at_nanos: int
@@ -41,7 +41,7 @@ class VirtualLink:
     Parameters
     ----------
     mode
-        How lost datagrams are made good; None for not at all.
+        Repair mode; None for no repair.
     """
 
     def __init__(
@@ -67,15 +67,15 @@ class VirtualLink:
         self._look_nanos = self.now_nanos
 
     def send(self, body: bytes) -> None:
-        """Send a message that is measured now."""
+        """Send a message stamped with the current time."""
         self.queue.put(Message(MSG_TYPE, TOPIC, LINK, self.now_nanos, 0, body))
 
     def impair(self, impairment: Impairment) -> None:
-        """Let the link be another one from now on, both ways."""
+        """Change the impairment of both directions."""
         self.there.settings = self.back.settings = impairment
 
     def advance(self, nanos: int) -> None:
-        """Let time pass, and everything happen that is due in it."""
+        """Advance the time and process all events that are due."""
         end = self.now_nanos + nanos
         while True:
             while (sent := self.queue.take(self.now_nanos)) is not None:
@@ -91,7 +91,7 @@ class VirtualLink:
 
     def _next_nanos(self) -> int:
         wake = self.queue.next_wake(self.now_nanos)
-        # What may not go at a moment may not go at the same moment a second time.
+        # A datagram that may not be sent now may not be sent later at the same instant either.
         wake = wake if wake is None else max(wake, self.now_nanos + 1)
         times = (self.there.next_due(), self.back.next_due(), wake, self._look_nanos)
         return min(time for time in times if time is not None)
@@ -113,7 +113,7 @@ class VirtualLink:
         for answer, _ in answers if credit is None else [credit, *answers]:
             self.back.put(answer, None, now)
         if message is not None:
-            # The receiver may use a message's memory again; what it said at this moment counts.
+            # The receiver may reuse a message's memory.
             self.handed.append(Handed(message._replace(body=bytes(message.body)), now))
 
     def _credited(self, _: Address, key: DatagramKey, receive_buffer: int) -> None:

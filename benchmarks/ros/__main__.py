@@ -20,7 +20,14 @@ from typing import NamedTuple
 
 import msgspec
 
-from benchmarks.bridge.processes import PATIENCE_S, Late, Program, Silent, python, stand_apart
+from benchmarks.bridge.processes import (
+    TIMEOUT_S,
+    LineProcess,
+    ProcessFailed,
+    TimedOut,
+    drop_privileges,
+    python,
+)
 from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import Bus
@@ -42,10 +49,10 @@ REST_S = 0.005
 class MessagePath(NamedTuple):
     """A path from a source to a callback."""
 
-    source: Program
-    listener: Program
+    source: LineProcess
+    listener: LineProcess
 
-    def send(self, name: str, patience_s: float = PATIENCE_S) -> float:
+    def send(self, name: str, patience_s: float = TIMEOUT_S) -> float:
         """Return the latency of a message in milliseconds."""
         self.source.say(name)
         sent_nanos = self.source.number()
@@ -67,10 +74,10 @@ def _ours(stack: ExitStack) -> MessagePath:
     bus.serve(scenario_key(run), lambda _: [served])
     joined = [f"--connect={endpoint}", f"--run={run}", f"--bind={LOCALHOST}:0", f"--peer={peer}"]
     stack.enter_context(closing(python("services.gateway", *joined)))
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + TIMEOUT_S
     while not bus.present(HEALTH.key_in(run, process="gateway"), seconds=1.0):
         if time.monotonic() > end:
-            raise Silent("the gateway has not joined the bus")
+            raise ProcessFailed("the gateway has not joined the bus")
     source = python("benchmarks.ros.ends", "sensor", endpoint, run, vehicle)
     return MessagePath(stack.enter_context(closing(source)), listener)
 
@@ -97,10 +104,10 @@ def _reach(path: MessagePath, name: str) -> None:
     for _ in range(15):
         try:
             path.send(name, 2.0)
-        except Late:
+        except TimedOut:
             continue
         return
-    raise Silent(f"no message of `{name}` arrives")
+    raise ProcessFailed(f"no message of `{name}` arrives")
 
 
 def main() -> int:
@@ -108,7 +115,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help=f"{QUICK_COUNT} messages of each")
     count = QUICK_COUNT if parser.parse_args().quick else COUNT
-    stand_apart()
+    drop_privileges()
     is_well = True
     with ExitStack() as stack:
         paths = [_plain(stack), _ours(stack)]

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A soak of the bridge: loss, duplicates, restarts of both ends; flat memory, sums that add up.
+"""Soak test of the bridge with loss, duplicates and restarts of both ends.
 
     .venv/bin/python -m benchmarks.soak --minutes 10
 
-Two processes talk through a relay that loses and repeats datagrams both ways and keeps its own
-books of what it let through. At first both are killed once while data flow. From then on only
-their links are ended and made anew, with and without a last word, so that a process's memory shows
-whatever an ended link leaves behind. Now and then traffic rests until nothing is in flight, and
-the sender's accounts are compared with the books.
+Two processes communicate through a relay that loses and repeats datagrams both ways and counts what
+it passes on. First each process is killed once while data flow. After that only their links are
+replaced, with and without last reports, so that the memory of a process shows what a closed link
+leaves behind. At intervals traffic stops until nothing is in flight, and the sender's delivery
+counts are compared with the relay's.
 """
 
 from __future__ import annotations
@@ -21,103 +21,111 @@ from collections import Counter
 
 from udp_bridge.sender.delivery_counts import DeliveryCounts
 
-from .endpoints import LOCAL, REPAIR, TOOK, TOPICS, End, Receiver, Sender
-from .lossy_relay import Books, Relay
-from .memory import Sample, judged
+from .endpoints import (
+    LOCAL,
+    RECEIVED,
+    REPAIR,
+    TOPICS,
+    EndpointProcess,
+    ReceivingEndpoint,
+    SendingEndpoint,
+)
+from .lossy_relay import LossyRelay, ReferenceCounts
+from .memory import Sample, check_memory
 
 LOSS = DUPLICATES = 0.02
 REPORT_SECONDS = 2.5
-"""What a receiver took within this time before its end may never be reported: it tells once a
-second, and one report may be lost."""
-REST_SECONDS = 12.0
-"""How long everything may be in flight at most: 2 s of patience, 4 s until it is settled."""
+"""Messages received within this time before a crash may never be reported: reports are sent once a
+second, and one may be lost."""
+DRAIN_SECONDS = 12.0
+"""Longest time until nothing is in flight: 2 s until the receiver gives up, 4 s until settled."""
 
 
 class Soak:
-    """Both ends and the relay between them."""
+    """Both endpoints and the relay between them."""
 
     def __init__(self, seed: int) -> None:
         self.faults: list[str] = []
         self.kills = 0
         self.restarts = 0
-        self.rests = 0
+        self.drains = 0
         self.totals: Counter[str] = Counter()
         self.memory: list[Sample] = []
-        self.books = Books()
+        self.reference = ReferenceCounts()
         self._begun = time.monotonic()
-        self._receiver = End(Receiver, self._told)
-        self._receiver_at = self._receiver.do("open", LOCAL)
-        self.relay = Relay(self._receiver_at, seed, loss=LOSS, duplicates=DUPLICATES)
-        self._sender = End(Sender, self._told)
+        self._receiver = EndpointProcess(ReceivingEndpoint, self._on_report)
+        self._receiver_at = self._receiver.call("open", LOCAL)
+        self.relay = LossyRelay(self._receiver_at, seed, loss=LOSS, duplicates=DUPLICATES)
+        self._sender = EndpointProcess(SendingEndpoint, self._on_report)
         self._sender_at = LOCAL
         self._open_sender()
-        self.relay.new_life(self.books)
+        self.relay.reset(self.reference)
 
     def send_for(self, seconds: float) -> None:
         """Send every topic at its rate."""
-        self._sender.begin("send_for", seconds)
+        self._sender.call_async("send_for", seconds)
         self._sent()
 
     def kill_receiver(self, seconds: float) -> None:
-        """Kill the receiver's process in the midst of data and start another one."""
-        self._sender.begin("send_for", seconds)
+        """Kill the receiver's process while data flow and start another one."""
+        self._sender.call_async("send_for", seconds)
         time.sleep(seconds / 2)
         self._receiver.kill()
-        self.books.crashes += 1
-        self.books.receivers += 1
+        self.reference.crashes += 1
+        self.reference.receivers += 1
         self.kills += 1
-        self._receiver = End(Receiver, self._told)
-        self._receiver.do("open", self._receiver_at)
+        self._receiver = EndpointProcess(ReceivingEndpoint, self._on_report)
+        self._receiver.call("open", self._receiver_at)
         self._sent()
 
     def kill_sender(self, seconds: float) -> None:
-        """Kill the sender's process in the midst of data and start another one."""
-        self._sender.begin("send_for", seconds)
+        """Kill the sender's process while data flow and start another one."""
+        self._sender.call_async("send_for", seconds)
         time.sleep(seconds / 2)
         self._sender.kill()
         self.kills += 1
-        self._sender = End(Sender, self._told)
-        self._new_life()
+        self._sender = EndpointProcess(SendingEndpoint, self._on_report)
+        self._start_incarnation()
 
     def crash_receiver(self, seconds: float) -> None:
-        """End the receiver's link without a last word and make another one."""
-        self.books.crashes += 1
+        """Replace the receiver's link without last reports."""
+        self.reference.crashes += 1
         self.restart_receiver(seconds, is_crash=True)
 
     def restart_receiver(self, seconds: float, *, is_crash: bool = False) -> None:
-        """End the receiver's link in the midst of data and make another one."""
-        self.books.receivers += 1
-        self._sender.begin("send_for", seconds)
+        """Replace the receiver's link while data flow."""
+        self.reference.receivers += 1
+        self._sender.call_async("send_for", seconds)
         time.sleep(seconds / 2)
-        self._receiver.do("restart", is_crash=is_crash)
+        self._receiver.call("restart", is_crash=is_crash)
         self.restarts += 1
         self._sent()
 
     def restart_sender(self, seconds: float) -> None:
-        """End the sender's link without a word, with data in flight, and make another one."""
+        """Replace the sender's link with data in flight."""
         self.send_for(seconds)
-        for account in self._accounts():
-            self._check_bounds(account)
-        self._sender.do("close")
+        for counts in self._counts():
+            self._check_bounds(counts)
+        self._sender.call("close")
         self.restarts += 1
-        self._new_life()
+        self._start_incarnation()
 
-    def rest(self, seconds: float) -> None:
-        """Send, wait until nothing is in flight, then compare accounts and books."""
+    def drain(self, seconds: float) -> None:
+        """Send, wait until nothing is in flight, then compare counts and reference."""
         self.send_for(seconds)
-        self._sender.do("flush")
-        end = time.monotonic() + REST_SECONDS
-        while any(account.in_flight for account in self._accounts()) and time.monotonic() < end:
+        self._sender.call("flush")
+        end = time.monotonic() + DRAIN_SECONDS
+        while any(counts.in_flight for counts in self._counts()) and time.monotonic() < end:
             time.sleep(0.2)
         self.relay.settle()
-        self._receiver.do("nothing")
-        self.rests += 1
-        for account in self._accounts():
-            self._check_bounds(account)
-            self._check_exactly(account)
+        self._receiver.call("ping")
+        self.drains += 1
+        for counts in self._counts():
+            self._check_bounds(counts)
+            self._check_exactly(counts)
 
     def sample(self) -> None:
-        """Write down the memory of both ends, but for what was just killed."""
+        """Record the memory of both processes, except one that was just killed."""
         seconds = time.monotonic() - self._begun
         for name, end in (("sender", self._sender), ("receiver", self._receiver)):
             try:
@@ -133,82 +141,82 @@ class Soak:
         self._receiver.kill()
         self.relay.close()
 
-    def _new_life(self) -> None:
-        self._life = 0  # what still comes of the old one belongs to no books
+    def _start_incarnation(self) -> None:
+        self._incarnation = 0  # late messages of the old one are ignored
         self.relay.settle()
-        self.books = Books()
-        self.relay.new_life(self.books)
-        time.sleep(1.0)  # as long as a process takes; `resend` tells lives apart by their stamps
+        self.reference = ReferenceCounts()
+        self.relay.reset(self.reference)
+        time.sleep(1.0)  # like a process; `resend` distinguishes restarts by their stamps
         self._open_sender()
 
     def _open_sender(self) -> None:
-        self._life = time.time_ns()
+        self._incarnation = time.time_ns()
         to = self.relay.front.getsockname()
-        self._sender_at = self._sender.do("open", self._sender_at, to, self._life)
+        self._sender_at = self._sender.call("open", self._sender_at, to, self._incarnation)
 
     def _sent(self) -> None:
-        self.books.sent.update(self._sender.answer())
+        self.reference.sent.update(self._sender.result())
 
-    def _told(self, what: str, *rest: object) -> None:
-        if what != TOOK:
+    def _on_report(self, what: str, *rest: object) -> None:
+        if what != RECEIVED:
             self.faults.append(str(rest[0]))
             return
-        life, number, msg_type, topic = rest
-        # The successor of a receiver may ask for what that one had.
-        if life == self._life and number not in self.books.seen:
+        incarnation, number, msg_type, topic = rest
+        # A restarted receiver may request messages again.
+        if incarnation == self._incarnation and number not in self.reference.seen:
             assert isinstance(number, int)
             assert isinstance(msg_type, int)
-            self.books.seen.add(number)
-            self.books.delivered[msg_type, str(topic)] += 1
+            self.reference.seen.add(number)
+            self.reference.delivered[msg_type, str(topic)] += 1
 
-    def _accounts(self) -> list[DeliveryCounts]:
-        accounts: list[DeliveryCounts] = self._sender.do("delivery_counts")
-        return accounts
+    def _counts(self) -> list[DeliveryCounts]:
+        counts: list[DeliveryCounts] = self._sender.call("delivery_counts")
+        return counts
 
-    def _check_bounds(self, account: DeliveryCounts) -> None:
+    def _check_bounds(self, counts: DeliveryCounts) -> None:
         """Check what always holds, whatever is in flight and whoever was restarted."""
-        key = (account.msg_type, account.topic)
-        lost = account.dropped + account.incomplete + account.late + account.missing
-        total = account.delivered + lost + account.in_flight
-        self._expect(account, "the sum is what was sent", total, account.sent)
-        asked = account.sent + account.superseded
+        key = (counts.msg_type, counts.topic)
+        lost = counts.dropped + counts.incomplete + counts.late + counts.missing
+        total = counts.delivered + lost + counts.in_flight
+        self._expect(counts, "the sum is what was sent", total, counts.sent)
+        asked = counts.sent + counts.superseded
         self._expect(
-            account,
+            counts,
             "no more sent than asked for",
-            max(asked, self.books.sent[key]),
-            self.books.sent[key],
+            max(asked, self.reference.sent[key]),
+            self.reference.sent[key],
         )
-        negative = [count for count in account[2:-1] if isinstance(count, int) and count < 0]
-        self._expect(account, "no count is negative", negative, [])
+        negative = [count for count in counts[2:-1] if isinstance(count, int) and count < 0]
+        self._expect(counts, "no count is negative", negative, [])
 
-    def _check_exactly(self, account: DeliveryCounts) -> None:
+    def _check_exactly(self, counts: DeliveryCounts) -> None:
         """Check what holds at rest; where receivers ended, but for what they did not report."""
-        key = (account.msg_type, account.topic)
-        self._expect(account, "nothing is in flight", account.in_flight, 0)
-        asked = account.sent + account.superseded
-        self._expect(account, "everything was sent or superseded", asked, self.books.sent[key])
-        real = self.books.delivered[key]
+        key = (counts.msg_type, counts.topic)
+        self._expect(counts, "nothing is in flight", counts.in_flight, 0)
+        asked = counts.sent + counts.superseded
+        self._expect(counts, "everything was sent or superseded", asked, self.reference.sent[key])
+        real = self.reference.delivered[key]
         for name in ("sent", "delivered", "missing", "incomplete", "late", "dropped", "repaired"):
-            self.totals[name] += getattr(account, name)
-        if self.books.receivers:
-            period = next(row[2] for row in TOPICS if row[1] == account.topic)
-            unreported = int(REPORT_SECONDS / period) * self.books.crashes
-            self.totals["unreported"] += real - account.delivered
-            if not 0 <= real - account.delivered <= unreported:
-                self.faults.append(f"{key}: {account.delivered} delivered, in truth {real}")
+            self.totals[name] += getattr(counts, name)
+        if self.reference.receivers:
+            period = next(row[2] for row in TOPICS if row[1] == counts.topic)
+            unreported = int(REPORT_SECONDS / period) * self.reference.crashes
+            self.totals["unreported"] += real - counts.delivered
+            if not 0 <= real - counts.delivered <= unreported:
+                self.faults.append(f"{key}: {counts.delivered} delivered, in truth {real}")
             return
         if key in REPAIR:  # what came too late for its limit may have come whole
-            self._expect(account, "delivered", account.delivered, real)
+            self._expect(counts, "delivered", counts.delivered, real)
             return
-        never = account.sent - self.books.whole[key] - self.books.partial[key]
-        self._expect(account, "delivered", account.delivered, real)
-        self._expect(account, "whole", account.delivered + account.late, self.books.whole[key])
-        self._expect(account, "incomplete", account.incomplete, self.books.partial[key])
-        self._expect(account, "missing", account.missing, never)
+        never = counts.sent - self.reference.whole[key] - self.reference.partial[key]
+        self._expect(counts, "delivered", counts.delivered, real)
+        self._expect(counts, "whole", counts.delivered + counts.late, self.reference.whole[key])
+        self._expect(counts, "incomplete", counts.incomplete, self.reference.partial[key])
+        self._expect(counts, "missing", counts.missing, never)
 
-    def _expect(self, account: DeliveryCounts, what: str, got: object, expected: object) -> None:
+    def _expect(self, counts: DeliveryCounts, what: str, got: object, expected: object) -> None:
         if got != expected:
-            self.faults.append(f"{account.topic}: {what}: {got} instead of {expected}; {account}")
+            self.faults.append(f"{counts.topic}: {what}: {got} instead of {expected}; {counts}")
 
 
 def soak(minutes: float, seed: int) -> Soak:
@@ -225,9 +233,9 @@ def soak(minutes: float, seed: int) -> Soak:
 
     watching = threading.Thread(target=watch)
     watching.start()
-    # In the first life nothing is restarted until the books were compared to the last one.
-    first = (run.rest, run.kill_receiver, run.kill_sender)
-    then = (run.rest, run.restart_receiver, run.restart_sender, run.crash_receiver)
+    # No restart in the first incarnation until its counts were compared exactly.
+    first = (run.drain, run.kill_receiver, run.kill_sender)
+    then = (run.drain, run.restart_receiver, run.restart_sender, run.crash_receiver)
     try:
         for turn in first:
             turn(step)
@@ -237,7 +245,7 @@ def soak(minutes: float, seed: int) -> Soak:
             turn(step)
         run.restart_sender(step)
         run.restart_receiver(step)
-        run.rest(step)
+        run.drain(step)
     finally:
         is_over.set()
         watching.join()
@@ -254,8 +262,8 @@ def main() -> int:
     run = soak(options.minutes, options.seed)
     totals = ", ".join(f"{name} {count}" for name, count in run.totals.items())
     print(f"relay: {run.relay.lost} datagrams lost, {run.relay.repeated} repeated")
-    print(f"{run.kills} kills, {run.restarts} restarts, {run.rests} comparisons: {totals}")
-    lines, growing = judged(run.memory, options.minutes)
+    print(f"{run.kills} kills, {run.restarts} restarts, {run.drains} comparisons: {totals}")
+    lines, growing = check_memory(run.memory, options.minutes)
     run.faults += growing
     print("\n".join(lines))
     for fault in run.faults[:20]:

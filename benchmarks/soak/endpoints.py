@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ends of the soak: processes of their own, so that the memory of each can be told.
+"""Endpoints of the soak test: separate processes, so that the memory of each can be measured.
 
-Rule: an end does what it is told through a pipe, and tells through it what its link hands over.
-Nothing is judged here, and no garbage is collected but by the interpreter's own rules.
+An endpoint executes calls that it receives through a pipe and reports received messages through it.
+It never checks results or runs the garbage collector itself.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ TOPICS = (
 )
 """Type, topic, period in s, bytes of a body."""
 REPAIR = {(33, "/image"): Resend(500_000_000)}
-DONE, TOOK, WRONG = "done", "took", "wrong"
-_ANSWER_SECONDS = 60.0
+DONE, RECEIVED, CORRUPT = "done", "received", "corrupt"
+_RESULT_SECONDS = 60.0
 _TAG = struct.Struct("<QQI")
 LOCAL = ("127.0.0.1", 0)
 
-Tell = Callable[..., None]
+Report = Callable[..., None]
 
 
-class Sender:
-    """The sending end; `life` tells its links apart."""
+class SendingEndpoint:
+    """Sends messages; `incarnation` identifies the link that sent one."""
 
-    def __init__(self, tell: Tell) -> None:
+    def __init__(self, report: Report) -> None:
         self._number = 0
 
-    def open(self, bind: Address, to: Address, life: int) -> Address:
-        """Make a link; return where it is bound."""
-        self._life = life
+    def open(self, bind: Address, to: Address, incarnation: int) -> Address:
+        """Open a link; return its address."""
+        self._incarnation = incarnation
         self._link = Link(bind, to, datagram=DATAGRAM, repair=REPAIR)
         return self._link.address
 
@@ -69,85 +69,87 @@ class Sender:
         return sent
 
     def flush(self) -> None:
-        """Wait until nothing waits to be sent."""
+        """Wait until the send queue is empty."""
         self._link.flush(5.0)
 
     def delivery_counts(self) -> list[DeliveryCounts]:
-        """Return what became of what was sent."""
+        """Return the outcome of the sent messages."""
         return self._link.delivery_counts()
 
     def close(self) -> None:
-        """End the link."""
+        """Close the link."""
         self._link.close()
 
     def _body(self, size: int) -> bytes:
         self._number += 1
         rest = self._number.to_bytes(8, "little") * (size // 8)
-        return _TAG.pack(self._life, self._number, zlib.crc32(rest)) + rest
+        return _TAG.pack(self._incarnation, self._number, zlib.crc32(rest)) + rest
 
 
-class Receiver:
-    """The receiving end."""
+class ReceivingEndpoint:
+    """Receives messages and reports each one."""
 
-    def __init__(self, tell: Tell) -> None:
-        self._tell = tell
+    def __init__(self, report: Report) -> None:
+        self._report = report
 
     def open(self, bind: Address) -> Address:
-        """Make a link; return where it is bound."""
+        """Open a link; return its address."""
         self._link = Link(bind, on_message=self._take, report=True)
         return self._link.address
 
     def restart(self, *, is_crash: bool) -> None:
-        """End the link, in a crash without a last word, and make another one in its place."""
+        """Replace the link by a new one; after a crash it sends no last reports."""
         address = self._link.address
         if is_crash:
             self._link._receiving._report = False
         self._link.close()
         self.open(address)
 
-    def nothing(self) -> None:
-        """Answer; all that was told before is told by then."""
+    def ping(self) -> None:
+        """Return; earlier reports have arrived by then."""
 
     def _take(self, message: Message, sender: object) -> None:
         if not MSG_TYPES[message.msg_type].ros_type:
             return
         body = memoryview(message.body)
-        life, number, crc = _TAG.unpack_from(body)
+        incarnation, number, crc = _TAG.unpack_from(body)
         if zlib.crc32(body[_TAG.size :]) != crc:
-            self._tell(WRONG, f"{message.topic} #{message.seq_number}: not what was sent")
-        self._tell(TOOK, life, number, message.msg_type, message.topic)
+            self._report(CORRUPT, f"{message.topic} #{message.seq_number}: not what was sent")
+        self._report(RECEIVED, incarnation, number, message.msg_type, message.topic)
 
 
-class End:
-    """An end's process, seen from the one that started it."""
+class EndpointProcess:
+    """Handle of an endpoint's process."""
 
-    def __init__(self, kind: type[Sender] | type[Receiver], on_told: Tell) -> None:
+    def __init__(
+        self, kind: type[SendingEndpoint] | type[ReceivingEndpoint], on_report: Report
+    ) -> None:
         # A fresh interpreter: no threads, files or modules of this one.
         context = multiprocessing.get_context("spawn")
         self._pipe, there = context.Pipe()
         self._process = context.Process(target=_serve, args=(kind, there), daemon=True)
         self._process.start()
         there.close()
-        self._on_told = on_told
-        self._answers: queue.Queue[Any] = queue.Queue()
+        self._on_report = on_report
+        self._results: queue.Queue[Any] = queue.Queue()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
-    def begin(self, what: str, *arguments: object, **named: object) -> None:
-        """Tell the process to call a method."""
+    def call_async(self, what: str, *arguments: object, **named: object) -> None:
+        """Report the process to call a method."""
         self._pipe.send((what, arguments, named))
 
-    def answer(self) -> Any:
-        """Return what the method returned."""
-        return self._answers.get(timeout=_ANSWER_SECONDS)
+    def result(self) -> Any:
+        """Return the result of that call."""
+        return self._results.get(timeout=_RESULT_SECONDS)
 
-    def do(self, what: str, *arguments: object, **named: object) -> Any:
+    def call(self, what: str, *arguments: object, **named: object) -> Any:
         """Call a method in the process."""
-        self.begin(what, *arguments, **named)
-        return self.answer()
+        self.call_async(what, *arguments, **named)
+        return self.result()
 
     def kill(self) -> None:
-        """End the process as a crash would; what it told before is heard."""
+        """Kill the process; its earlier reports are received."""
         self._process.kill()
         self._process.join()
         self._reader.join()
@@ -165,22 +167,22 @@ class End:
             except (EOFError, OSError):
                 return
             if what == DONE:
-                self._answers.put(rest[0])
+                self._results.put(rest[0])
             else:
-                self._on_told(what, *rest)
+                self._on_report(what, *rest)
 
 
-def _serve(kind: type[Sender] | type[Receiver], pipe: Connection) -> None:
+def _serve(kind: type[SendingEndpoint] | type[ReceivingEndpoint], pipe: Connection) -> None:
     talking = threading.Lock()
 
-    def tell(*what: object) -> None:
+    def report(*what: object) -> None:
         with talking:
             pipe.send(what)
 
-    end = kind(tell)
+    end = kind(report)
     while True:
         try:
             what, arguments, named = pipe.recv()
         except EOFError:
             return
-        tell(DONE, getattr(end, what)(*arguments, **named))
+        report(DONE, getattr(end, what)(*arguments, **named))

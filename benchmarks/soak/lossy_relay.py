@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A relay that loses and repeats datagrams both ways and keeps books of what it let through.
+"""Relay that loses and repeats datagrams both ways and counts what it passes on.
 
-Rule: every datagram is judged alone, by a seeded generator; nothing is delayed or reordered. The
-books are the truth that a sender's accounts are compared with.
+A seeded generator decides about each datagram; none is delayed or reordered. The counts are the
+reference for the sender's delivery counts.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from udp_bridge.wire.header import Refused, parse
 from udp_bridge.wire.types import MSG_TYPES
 
 _Key = tuple[int, str]
-_UNDER_WAY = 2048
-"""Messages of all topics that may still get parts: those of some seconds, for on a busy machine a
-message of many parts may take as long."""
+_MAX_OPEN = 2048
+"""Messages of all topics that may still get parts: some seconds' worth, as a message of many parts
+may take that long on a busy machine."""
 
 
 @dataclass
-class Books:
-    """What really happened to the messages of one life of the sender, by type and topic."""
+class ReferenceCounts:
+    """Actual outcome of the messages of one incarnation of the sender, by type and topic."""
 
     sent: Counter[_Key] = field(default_factory=Counter)
     whole: Counter[_Key] = field(default_factory=Counter)
@@ -34,13 +34,13 @@ class Books:
     seen: set[int] = field(default_factory=set)
     """Messages that were delivered, by the number in their body."""
     receivers: int = 0
-    """Restarts of the receiver in this life."""
+    """Restarts of the receiver in this incarnation."""
     crashes: int = 0
-    """Those in which it had no last word."""
+    """Restarts without last reports."""
 
 
-class Relay:
-    """Passes datagrams on between one sender and one receiver, some of them not, some twice."""
+class LossyRelay:
+    """Passes datagrams on between a sender and a receiver, with loss and duplicates."""
 
     def __init__(
         self, receiver: tuple[str, int], seed: int, *, loss: float, duplicates: float
@@ -51,26 +51,26 @@ class Relay:
         self._sender: tuple[str, int] | None = None
         self.front, self.back = (self._bound() for _ in range(2))
         self.lost = self.repeated = 0
-        self._books = Books()
+        self._reference = ReferenceCounts()
         self._open: OrderedDict[tuple[int, str, int], tuple[int, set[int]]] = OrderedDict()
         self._lock = threading.Lock()
         self._is_closed = False
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    def new_life(self, books: Books) -> None:
-        """Begin new books, for the sender is a new one."""
+    def reset(self, reference: ReferenceCounts) -> None:
+        """Count for a new incarnation of the sender."""
         with self._lock:
-            self._books = books
+            self._reference = reference
             self._open.clear()
 
     def settle(self) -> None:
-        """Write down what was under way."""
+        """Record unfinished messages."""
         with self._lock:
             self._settle(0)
 
     def close(self) -> None:
-        """End the thread and give the sockets back."""
+        """End the thread and close the sockets."""
         self._is_closed = True
         self._thread.join()
         self.front.close()
@@ -90,7 +90,7 @@ class Relay:
                 try:
                     datagram, source = end.recvfrom(65536)
                 except OSError:
-                    continue  # what a closed end's host answers
+                    continue  # an ICMP error
                 if end is self.front:
                     self._sender = source
                     self._pass(datagram, self.back, self._receiver, is_data=True)
@@ -105,14 +105,14 @@ class Relay:
         self.lost += is_lost
         self.repeated += copies == 2
         if is_data:
-            self._write_down(datagram, is_lost=is_lost)
+            self._record(datagram, is_lost=is_lost)
         for _ in range(copies):
             try:
                 end.sendto(datagram, to)
             except OSError:
-                pass  # nobody is there at the moment
+                pass  # no process listens at the moment
 
-    def _write_down(self, datagram: bytes, *, is_lost: bool) -> None:
+    def _record(self, datagram: bytes, *, is_lost: bool) -> None:
         try:
             header, _ = parse(datagram)
         except Refused:
@@ -124,10 +124,10 @@ class Relay:
             _, passed = self._open.setdefault(key, (header.parts_max, set()))
             if not is_lost:
                 passed.add(header.part_number)
-            self._settle(_UNDER_WAY)
+            self._settle(_MAX_OPEN)
 
     def _settle(self, kept: int) -> None:
         while len(self._open) > kept:
             (msg_type, topic, _), (parts, passed) = self._open.popitem(last=False)
-            self._books.whole[msg_type, topic] += len(passed) == parts
-            self._books.partial[msg_type, topic] += 0 < len(passed) < parts
+            self._reference.whole[msg_type, topic] += len(passed) == parts
+            self._reference.partial[msg_type, topic] += 0 < len(passed) < parts

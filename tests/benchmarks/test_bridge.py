@@ -33,7 +33,7 @@ from benchmarks.bridge.transports import IMAGE_HEAD_BYTES, image_cdr
 from benchmarks.claims import Claim
 
 ROOT = Path(__file__).resolve().parents[2]
-WAYS = {"UDP Bridge", "from the bus", "C program", "TCP", "ROS# way"}
+TRANSPORTS = {"UDP Bridge", "from the bus", "C program", "TCP", "ROS# way"}
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,7 @@ def test_both_receivers_take_every_size(quick: tuple[str, dict[str, Any], bytes]
 def test_every_size_goes_by_every_way(quick: tuple[str, dict[str, Any], bytes]) -> None:
     rows = quick[1]["latency"]
     assert [row["bytes"] for row in rows] == list(QUICK_SIZES)
-    assert all(set(row["ms"]) == WAYS for row in rows)
+    assert all(set(row["ms"]) == TRANSPORTS for row in rows)
     assert all(0 < ms < math.inf for row in rows for ms in row["ms"].values())
 
 
@@ -145,7 +145,7 @@ def test_the_filter_loses_its_share() -> None:
 
 
 def test_what_is_measured_has_no_right_to_a_larger_receive_buffer() -> None:
-    code = "from benchmarks.bridge.processes import *; stand_apart()"
+    code = "from benchmarks.bridge.processes import *; drop_privileges()"
     code += "; subprocess.run(['cat', '/proc/self/status'], check=True)"
     command = [sys.executable, "-c", code]
     status = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout

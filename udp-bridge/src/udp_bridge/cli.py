@@ -177,16 +177,12 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
-        prog="udp-bridge", description="Decode, receive and send messages of UDP Bridge."
-    )
+    parser = _Parser(prog="udp-bridge", description="Decode, receive and send messages.")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
 
     decode = commands.add_parser("decode", help="show the messages in a file of datagrams")
     decode.set_defaults(run=_decode)
-    decode.add_argument(
-        "file", metavar="FILE", help="datagrams, each preceded by its length as uint32"
-    )
+    decode.add_argument("file", metavar="FILE", help="datagrams, each after its length as uint32")
 
     listen = commands.add_parser("listen", help="show the messages that arrive at a port")
     listen.set_defaults(run=_listen)
@@ -200,9 +196,7 @@ def _parser() -> argparse.ArgumentParser:
         help="accept datagrams from any address although other hosts can reach the port",
     )
     listen.add_argument("--duration", metavar="S", type=_duration, help="end after S seconds")
-    listen.add_argument(
-        "--report", action="store_true", help="send delivery reports to the senders"
-    )
+    listen.add_argument("--report", action="store_true", help="send reports to the senders")
     listen.add_argument("--quiet", action="store_true", help="print only the counters at the end")
     for command in (decode, listen):
         command.add_argument("--json", action="store_true", help="print one JSON object per line")
@@ -222,10 +216,8 @@ def _parser() -> argparse.ArgumentParser:
         help="mtu, loopback (default) or bytes",
     )
     for command in (listen, send):
-        command.add_argument(
-            "--key-file", metavar="FILE", help="file with the key that both ends share"
-        )
-        command.add_argument("--key-env", metavar="NAME", help="environment variable with that key")
+        command.add_argument("--key-file", metavar="FILE", help="file with the shared key")
+        command.add_argument("--key-env", metavar="NAME", help="environment variable with the key")
     return parser
 
 
