@@ -104,9 +104,9 @@ def episode_seconds(acks: BusInbox[Ack], needed: set[str], after: int) -> tuple[
         if arrived is None:
             raise RuntimeError(f"no acknowledgement for 30 s; last ones: {reached}")
         name, ack = arrived[0].partition("/ack/")[2], arrived[1]
-        if ack.life > episode:
-            episode, reached, begun = ack.life, {}, time.monotonic()
-        if episode > after and ack.life == episode and name in needed:
+        if ack.episode > episode:
+            episode, reached, begun = ack.episode, {}, time.monotonic()
+        if episode > after and ack.episode == episode and name in needed:
             reached[name] = ack.tick
     return episode, time.monotonic() - begun
 

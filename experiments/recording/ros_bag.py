@@ -114,7 +114,8 @@ class Bag(Node):
 
     def _tick(self, nanos: int) -> None:
         self.clock_nanos = nanos
-        # The first clock of a life needs no answer, and the last one shall get none: time stands.
+        # The first clock of an episode needs no answer, and the last one shall get none: time
+        # stands.
         self._owes = nanos > 0 and not self.is_over
         self._give_answer()
 

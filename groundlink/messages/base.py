@@ -109,9 +109,9 @@ class State(Message, frozen=True):
     """The truth at one tick, from physics, 400 a second of sim time."""
 
     run: str
-    life: int
-    """Tells apart the lives of a run: each start and each reset of physics begins another, at tick
-    0. The wall clock's nanoseconds then."""
+    episode: int = msgspec.field(name="life")
+    """Identifies an episode of the run: each start and each reset of physics begins one, at tick 0.
+    Its value is the wall clock in nanoseconds at that time."""
 
     epoch_nanos: int
     """Stamp of sim time zero."""
@@ -138,8 +138,8 @@ class Clock(Message, frozen=True):
     stamp_nanos: int
     epoch_nanos: int
     tick: int
-    life: int
-    """See `State.life`."""
+    episode: int = msgspec.field(name="life")
+    """See `State.episode`."""
 
 
 class Command(Message, frozen=True):
@@ -212,8 +212,8 @@ class WheelEncoders(Reading, frozen=True):
 class Ack(Message, frozen=True):
     """A process's word on how far it has come."""
 
-    life: int
-    """See `State.life`."""
+    episode: int = msgspec.field(name="life")
+    """See `State.episode`."""
 
     tick: int
     """The last state that it has taken in; -1 for none yet."""

@@ -76,22 +76,22 @@ def follow_states(
     """
     states: BusInbox[State] = BusInbox(depth=STATES_KEPT)
     bus.subscribe(STATE.key_in(run_name), State, states)
-    life = _catch_up(bus, run_name, followers)
+    episode = _catch_up(bus, run_name, followers)
     heartbeats = [Heartbeat(bus, run_name, f.name, f.claim) for f in followers]
     backoff = Backoff(time.monotonic())
     while not ended():
         if arrived := states.get(seconds=0.1):
             backoff.reset(time.monotonic())
             state = arrived[1]
-            if state.life != life:
+            if state.episode != episode:
                 missed_of = _catch_up(bus, run_name, followers) if state.tick else None
-                life = missed_of or state.life
+                episode = missed_of or state.episode
             elif waited_for and any(0 <= f.consumer.tick < state.tick - 1 for f in followers):
                 _catch_up(bus, run_name, followers)
             for follower in followers:
                 follower.consumer.take(state, len(states))
         elif waited_for and backoff.is_due(time.monotonic()):
-            life = _catch_up(bus, run_name, followers, life) or life
+            episode = _catch_up(bus, run_name, followers, episode) or episode
         for heartbeat, follower in zip(heartbeats, followers, strict=True):
             if heartbeat.due():
                 counts = follower.counters()
@@ -100,24 +100,24 @@ def follow_states(
 
 
 def _catch_up(
-    bus: Bus, run_name: str, followers: Sequence[StateFollower], known_life: int | None = None
+    bus: Bus, run_name: str, followers: Sequence[StateFollower], known_episode: int | None = None
 ) -> int | None:
     """Deliver missed states to followers; return their episode, None if there were none.
 
     In the known episode, skip a follower that has taken and acknowledged all states.
     """
-    life = None
+    episode = None
     for name, consumer, *_ in followers:
         missed = list(bus.query(history_key(run_name), name, seconds=JOIN_SECONDS).values())
         if missed:
             ack = decode(missed[0], Ack)
-            life = ack.life
-            if life == known_life and _has_all(consumer, ack, missed[1:]):
+            episode = ack.episode
+            if episode == known_episode and _has_all(consumer, ack, missed[1:]):
                 continue
             consumer.resume(ack)
             for payload in missed[1:]:
                 consumer.take(decode(payload, State))
-    return life
+    return episode
 
 
 def _has_all(consumer: StateConsumer, ack: Ack, states: Sequence[bytes]) -> bool:

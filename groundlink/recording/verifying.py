@@ -208,7 +208,7 @@ def _guessed(recording: Recording) -> Journal:
     return Journal(
         made_on=this_platform(),
         run=run.run,
-        life=0,
+        episode=0,
         epoch_nanos=run.epoch_nanos,
         scenario=run.scenario,
         tick=0,

@@ -104,7 +104,7 @@ class Base:
         self.restart()
 
     def restart(self) -> None:
-        """Forget what was heard: a life of the run has begun."""
+        """Forget what was heard: an episode of the run has begun."""
         self._last: tuple[int, Floats] | None = None
         self._from_truth.restart()
 
@@ -253,7 +253,7 @@ class Bases:
             yield from teller.hear(key, message)
 
     def restart(self) -> None:
-        """Forget what was heard: a life of the run has begun."""
+        """Forget what was heard: an episode of the run has begun."""
         for teller in self._tellers:
             teller.restart()
 

@@ -31,7 +31,7 @@ def _clock(message: Clock) -> dict[str, Any]:
 def _clock_of(ros: Any, moment: Moment) -> Clock:
     stamp = nanos(ros.clock)
     epoch = moment.epoch_nanos
-    return Clock(stamp, epoch, (stamp - epoch) // TICK_NANOS, life=epoch)
+    return Clock(stamp, epoch, (stamp - epoch) // TICK_NANOS, episode=epoch)
 
 
 def _twist(message: Command) -> dict[str, Any]:

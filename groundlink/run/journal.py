@@ -115,8 +115,8 @@ class Journal(Struct, frozen=True, kw_only=True):
 
     made_on: Platform
     run: str
-    life: int
-    """See `State.life`."""
+    episode: int = msgspec.field(name="life")
+    """See `State.episode`."""
 
     epoch_nanos: int
     """Stamp of sim time zero."""
@@ -158,7 +158,7 @@ class Journal(Struct, frozen=True, kw_only=True):
         ValueError
             if it is of another episode, or this journal lacks omitted entries.
         """
-        if later.life != self.life or later.left_out > len(self.entries):
+        if later.episode != self.episode or later.left_out > len(self.entries):
             raise ValueError("not the continuation of this journal")
         return replace(later, entries=self.entries[: later.left_out] + later.entries, left_out=0)
 
@@ -195,7 +195,7 @@ class JournalError(UserError):
 
 def state_digest(state: State) -> str:
     """Return the sha256 of a state without run name, episode and epoch."""
-    plain = replace(state, run="", life=0, epoch_nanos=0)
+    plain = replace(state, run="", episode=0, epoch_nanos=0)
     return hashlib.sha256(encode(plain)).hexdigest()
 
 

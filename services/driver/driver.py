@@ -69,8 +69,8 @@ class Driver:
         self.missed_ticks = 0
         self.refused = 0
 
-    def _begin(self, life: int | None) -> None:
-        self._life = life
+    def _begin(self, episode: int | None) -> None:
+        self._life = episode
         self._start = (0.0, 0.0, 0.0)
         self._start_tick = 0
         self._follower: PurePursuitFollower | None = None
@@ -84,7 +84,7 @@ class Driver:
         Without a predecessor, acknowledge a period before the first state: physics then waits for
         no command of an earlier state.
         """
-        self._begin(ack.life)
+        self._begin(ack.episode)
         if ack.memory:
             known = msgspec.msgpack.decode(ack.memory, type=_Memory)
             self._start, self._start_tick = known.start, known.start_tick
@@ -99,8 +99,8 @@ class Driver:
 
     def take(self, state: State, waiting: int = 0) -> None:
         """Take a state; publish a command and an acknowledgement when they are due."""
-        if state.life != self._life:
-            self._begin(state.life)
+        if state.episode != self._life:
+            self._begin(state.episode)
         elif state.tick <= self.tick:
             return
         elif self.tick >= 0:
@@ -118,7 +118,7 @@ class Driver:
         commanded = {self._vehicle: self._commanded_tick}
         self.acknowledged_tick = state.tick
         self._acknowledge(
-            Ack(state.life, state.tick, state.tick, msgspec.msgpack.encode(memory), commanded)
+            Ack(state.episode, state.tick, state.tick, msgspec.msgpack.encode(memory), commanded)
         )
 
     def _steer(self, state: State) -> PurePursuitFollower:

@@ -110,8 +110,8 @@ class BusSession:
 
     def memory_at(self, clock: Clock) -> bytes:
         """Return the memory of this gateway's predecessor, at the first clock of an episode."""
-        life, memory = self.handed_over
-        if life == clock.life:
+        episode, memory = self.handed_over
+        if episode == clock.episode:
             return memory
         return predecessor_memory(self.bus, self.run) if clock.tick else b""
 

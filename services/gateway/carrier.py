@@ -153,7 +153,7 @@ class StreamCarrier:
         changed, peer = self._session.changed(self._scenario, stop), self._resolver.address
         if changed is None and peer == self._peer:
             return None
-        self._session.handed_over = self._gateway.life, self._memory.pack()
+        self._session.handed_over = self._gateway.episode, self._memory.pack()
         if changed is not None:
             return changed
         assert peer is not None

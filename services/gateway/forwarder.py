@@ -80,15 +80,15 @@ class Forwarder:
         if self._is_waited_for:
             self._link.flush(FLUSH_SECONDS)
         if isinstance(message, Clock):
-            if message.life == self._life:
+            if message.episode == self._life:
                 self.counts["clocks_missed"] += self._clocks.between(self.tick, message.tick)
-            self._life, self.tick = message.life, message.tick
-            self._acknowledge(Ack(message.life, message.tick, message.tick))
+            self._life, self.tick = message.episode, message.tick
+            self._acknowledge(Ack(message.episode, message.tick, message.tick))
 
     def _is_stale(self, message: Message) -> bool:
         """Return whether a message, which may be a clock, has waited too long in the pile."""
         newest = self._newest
-        if newest is None or newest.life != self._life:
+        if newest is None or newest.episode != self._life:
             return False
         if newest.tick == self.tick:
             self._newest = None

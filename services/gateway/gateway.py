@@ -122,7 +122,7 @@ class Gateway:
         """Where pushed topics go besides the wire."""
 
         self.epoch_nanos = 0
-        self.life: int | None = None
+        self.episode: int | None = None
         """Episode of the newest clock message."""
 
         self.counts = dict.fromkeys(("stale", "too_large", "commands", "from_ros", "refused"), 0)
@@ -157,10 +157,10 @@ class Gateway:
 
     def note_time(self, clock: Clock) -> bool:
         """Record the time of the run; return whether an episode has begun."""
-        has_begun = clock.life != self.life
+        has_begun = clock.episode != self.episode
         if has_begun:
             # Simulation time begins again: earlier stamps are not repetitions.
-            self.life = clock.life
+            self.episode = clock.episode
             self.newest.clear()
             self._bases.restart()
         self.missing_readings.clock(clock)

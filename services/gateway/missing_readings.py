@@ -30,7 +30,7 @@ class _Episode:
     """Readings that are due in one episode."""
 
     def __init__(self, clock: Clock) -> None:
-        self.number, self.epoch_nanos = clock.life, clock.epoch_nanos
+        self.number, self.epoch_nanos = clock.episode, clock.epoch_nanos
         self.clock_nanos = 0
         self.next: dict[str, int] = {}
         """By stream: number of the reading after the last one; streams without any are not due."""
@@ -68,7 +68,7 @@ class MissingReadingCounter:
 
     def clock(self, clock: Clock) -> None:
         """Record a clock message and assign the readings that arrived before it to an episode."""
-        if self._episode is not None and clock.life == self._episode.number:
+        if self._episode is not None and clock.episode == self._episode.number:
             self._episode.take_clock(clock)
             self._settle()
             return

@@ -96,23 +96,23 @@ class McapFiles:
         """Add new journal entries of the episode to the file."""
         if self._file is None or recorder.clock is None:
             return
-        journal = self._query(recorder.clock.life, self._entries)
+        journal = self._query(recorder.clock.episode, self._entries)
         if journal is not None:
             self._attach(recorder.clock.stamp_nanos, journal)
 
-    def _query(self, life: int, left_out: int) -> Journal | None:
+    def _query(self, episode: int, left_out: int) -> Journal | None:
         """Return the journal of an episode without its first entries; None without an answer."""
-        content = self._ask(f"{life}/{left_out}")
+        content = self._ask(f"{episode}/{left_out}")
         if not content:
             return None
         try:
             journal = loaded(content, "physics")
         except UserError:  # of another version
             return None
-        return journal if (journal.life, journal.left_out) == (life, left_out) else None
+        return journal if (journal.episode, journal.left_out) == (episode, left_out) else None
 
     def _attach(self, nanos: int, journal: Journal) -> None:
         assert self._file is not None
         # The number of an episode comes from the wall clock: equal recordings would differ.
-        self._file.add_journal(nanos, dumped(replace(journal, acks={}, life=0)))
+        self._file.add_journal(nanos, dumped(replace(journal, acks={}, episode=0)))
         self._entries += len(journal.entries)

@@ -135,7 +135,7 @@ class OrderedMcapFiles(McapFiles):
     def _add_journal(self, recorder: Recorder) -> None:
         if recorder.clock is None:
             return
-        journal = self._query(recorder.clock.life, self._entries + len(self._waiting))
+        journal = self._query(recorder.clock.episode, self._entries + len(self._waiting))
         if journal is None:
             return
         tick = (self._written_nanos - journal.epoch_nanos) // TICK_NANOS

@@ -210,7 +210,7 @@ class Recorder:
 
     def acknowledged(self, sensor: str, ack: Ack) -> None:
         """Record a sensor's progress."""
-        if sensor in self._settled_ticks and self.clock and ack.life == self.clock.life:
+        if sensor in self._settled_ticks and self.clock and ack.episode == self.clock.episode:
             self._settled_ticks[sensor] = ack.settled_tick
 
     def is_another_episode(self, message: Message) -> bool:
@@ -218,7 +218,7 @@ class Recorder:
         if not isinstance(message, Clock) or self.clock is None:
             return False
         jumped_back = message.stamp_nanos < self.clock.stamp_nanos
-        return jumped_back or message.life != self.clock.life
+        return jumped_back or message.episode != self.clock.episode
 
     @property
     def is_whole(self) -> bool:
@@ -271,7 +271,7 @@ class Recorder:
             self._file.commit(self._declared_hz)
 
     def _heard_clock(self, clock: Clock) -> None:
-        if self.clock is not None and self.clock.life == clock.life:
+        if self.clock is not None and self.clock.episode == clock.episode:
             self.counts["clocks_missed"] += self._clocks.between(self.clock.tick, clock.tick)
         self.clock = clock
         if self._file is None:

@@ -135,18 +135,18 @@ class BusRecorder:
             self._recorder = self._new_recorder(self._recorder.early)
         self._recorder.take(key, message)
         if isinstance(message, Clock):
-            self._acknowledge(message.life, message.tick)
+            self._acknowledge(message.episode, message.tick)
             self._backoff.reset(time.monotonic())
 
-    def _acknowledge(self, life: int, tick: int) -> None:
+    def _acknowledge(self, episode: int, tick: int) -> None:
         for publish in self._publishers:
-            publish(Ack(life, tick, tick))
+            publish(Ack(episode, tick, tick))
 
     def _acknowledge_history(self) -> None:
         """Acknowledge the newest tick of physics, which waits for this to begin or to continue."""
         if missed := list(self._bus.query(history_key(self._run), NAME, seconds=2.0).values()):
             tick = decode(missed[-1], State).tick if len(missed) > 1 else -1
-            self._acknowledge(decode(missed[0], Ack).life, tick)
+            self._acknowledge(decode(missed[0], Ack).episode, tick)
 
     def _beat(self) -> None:
         recorder = self._recorder

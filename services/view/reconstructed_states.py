@@ -99,7 +99,7 @@ class StateReconstructor:
 
     def _state(self, clock: Clock, stamp: int, vehicles: dict[str, VehicleState]) -> State:
         return State(
-            *(self._run, clock.life + self._rounds, clock.epoch_nanos, clock.tick),
+            *(self._run, clock.episode + self._rounds, clock.epoch_nanos, clock.tick),
             *(stamp - clock.epoch_nanos, self._hash, vehicles, self._actors),
         )
 

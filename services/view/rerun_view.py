@@ -74,10 +74,10 @@ class RerunView:
     def take_states(self, states: Sequence[State]) -> None:
         """Take states; draw the newest of them when it is due."""
         for state in states:
-            if state.life != self._life:
+            if state.episode != self._life:
                 if self._life is not None:
                     self.drawing = self._begin()
-                self._life = state.life
+                self._life = state.episode
             self.drawing.epoch_nanos = state.epoch_nanos
             self.drawing.now_nanos = state.sim_nanos
             for name, track in self.drawing.vehicles.items():

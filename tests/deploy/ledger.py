@@ -3,8 +3,8 @@
 
 Rule: a reading that is due is seen here, or its sensor tells that it is missing and why, or it is
 lost on the bus, and then the gateway's own counters have it as one that did not come. That goes
-through all lives of the run: each is over at its last clock, and in the next one readings are due
-from the first on. So a ledger is opened before a fault and read after it.
+through all episodes of the run: each is over at its last clock, and in the next one readings are
+due from the first on. So a ledger is opened before a fault and read after it.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class _Sensor:
 
 
 class _Due(NamedTuple):
-    """Readings of one sensor in one life of the run, by their numbers there."""
+    """Readings of one sensor in one episode of the run, by their numbers there."""
 
     numbers: range
     seen: set[int]
@@ -77,7 +77,7 @@ class Ledger:
         self._bus = Bus(connect=endpoint)
         run, scenario = join(self._bus, None, threading.Event())
         self._clock_nanos: dict[int, int] = {}
-        """By the epoch of each life: the stamp of its last clock."""
+        """By the epoch of each episode: the stamp of its last clock."""
 
         self._clock_seconds = 0.0
         self._was_silent = False
@@ -145,16 +145,18 @@ class Ledger:
         """
         sensor = self._sensors[name]
         deadline = time.monotonic() + SETTLED_SECONDS
-        lives = self._lives(sensor)
-        until = tuple(life.numbers.stop for life in lives)
-        while time.monotonic() < deadline and not self._explains(sensor, lives):
+        episodes = self._episodes(sensor)
+        until = tuple(episode.numbers.stop for episode in episodes)
+        while time.monotonic() < deadline and not self._explains(sensor, episodes):
             time.sleep(0.1)
-            lives = self._lives(sensor, until)
-        lost = [_ranges(life.lost()) for life in lives if life.lost()]
-        causes = Counter(life.told.get(n, LOST) for life in lives for n in life.unseen())
-        assert self._explains(sensor, lives), (
-            f"{name}: of {sum(len(life.numbers) for life in lives)} readings nobody explains "
-            f"{'; '.join(lost)}; missing are {dict(causes)}, and the gateway counts "
+            episodes = self._episodes(sensor, until)
+        lost = [_ranges(episode.lost()) for episode in episodes if episode.lost()]
+        causes = Counter(
+            episode.told.get(n, LOST) for episode in episodes for n in episode.unseen()
+        )
+        assert self._explains(sensor, episodes), (
+            f"{name}: of {sum(len(episode.numbers) for episode in episodes)} readings nobody "
+            f"explains {'; '.join(lost)}; missing are {dict(causes)}, and the gateway counts "
             f"{self._not_come(sensor)}"
         )
         return causes
@@ -164,17 +166,19 @@ class Ledger:
         assert self._counted is not None
         return self._counted[sensor.counter] - self._counted_before[sensor.counter]
 
-    def _explains(self, sensor: _Sensor, lives: list[_Due]) -> bool:
+    def _explains(self, sensor: _Sensor, episodes: list[_Due]) -> bool:
         """Return whether what was lost is in the gateway's count of what did not come."""
-        if not any(life.lost() for life in lives):
+        if not any(episode.lost() for episode in episodes):
             return True
         under_way = 0
         if self._was_silent:
             under_way = sensor.due.at_or_after(round(UNDER_WAY_SECONDS * NANOS))
-        return sum(len(life.unseen()) for life in lives) <= self._not_come(sensor) + under_way
+        return (
+            sum(len(episode.unseen()) for episode in episodes) <= self._not_come(sensor) + under_way
+        )
 
-    def _lives(self, sensor: _Sensor, until: tuple[int, ...] = ()) -> list[_Due]:
-        """Return what was due in each life, as far as it goes or at first went in the last one."""
+    def _episodes(self, sensor: _Sensor, until: tuple[int, ...] = ()) -> list[_Due]:
+        """Return what was due in each episode, as far as it goes, or first went in the last one."""
         epochs = sorted(self._clock_nanos)
         return [
             self._life(sensor, epoch, after, i, until)

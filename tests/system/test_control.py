@@ -43,7 +43,7 @@ def run(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Rig, B
 
 
 def first_samples(samples: BusInbox[Imu]) -> list[bytes]:
-    """Return what comes from the first sample of a life on."""
+    """Return what comes from the first sample of an episode on."""
     first = 0
     found: list[bytes] = []
     while len(found) < SAMPLES:
@@ -68,7 +68,7 @@ def test_time_stands_still_goes_on_by_ticks_and_begins_again(
     assert run_status(bus, it.run).tick == paused.tick + 5
 
     while samples.get(seconds=0.3):
-        pass  # what is left of the first life
+        pass  # what is left of the first episode
     again = send_command(bus, it.run, Reset())
     assert again.paused
     assert again.tick == 0

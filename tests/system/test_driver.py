@@ -61,7 +61,7 @@ def driven(it: Rig, *, disturbed: bool) -> tuple[str, list[Command]]:
             if arrived[1].tick == 0:
                 continue  # was published before this test listened, or not
             ticks.append(arrived[1].tick)
-            digest.update(encode(replace(arrived[1], life=0)))
+            digest.update(encode(replace(arrived[1], episode=0)))
             if disturbed and arrived[1].tick == 1001:
                 os.kill(pids["driver"], signal.SIGSTOP)
                 time.sleep(0.3)

@@ -155,10 +155,10 @@ def test_plain_services_over_a_link_that_loses(tmp_path: Path) -> None:
         tick("resume", state="running")
         assert tick("state", state="running") >= 1
         tick("pause")
-        lives: set[int] = set()
+        episodes: set[int] = set()
         while arrived := clocks.get(seconds=0.5):
-            lives.add(arrived[1].life)
-        assert len(lives) == 11, "each reset was done once"
+            episodes.add(arrived[1].episode)
+        assert len(episodes) == 11, "each reset was done once"
 
 
 def test_who_is_silent_is_named(tmp_path: Path) -> None:

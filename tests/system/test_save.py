@@ -40,7 +40,7 @@ QUIET_LOOKS = 10
 
 
 class States(BusInbox[State]):
-    """What physics says of every tick, but for its life."""
+    """What physics says of every tick, but for its episode."""
 
     def __init__(self, bus: Bus) -> None:
         super().__init__(depth=1)

@@ -82,7 +82,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
                 for forward, turn_radps in wanted:
                     command(Command(due.stamp_nanos, (forward, 0.0, 0.0), (0.0, 0.0, turn_radps)))
                 commanded = {vehicle: due.tick} if wanted else {}
-                acknowledge(Ack(due.life, due.tick, due.tick, commanded=commanded))
+                acknowledge(Ack(due.episode, due.tick, due.tick, commanded=commanded))
                 due, wanted = None, []
 
 

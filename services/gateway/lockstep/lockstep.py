@@ -66,23 +66,23 @@ class SensorProgress:
         self._reached: dict[str, tuple[int, int]] = {}
         self._left_out: set[str] = set()
 
-    def reached(self, name: str, life: int, tick: int) -> None:
+    def reached(self, name: str, episode: int, tick: int) -> None:
         """Record how far a sensor has come."""
-        self._reached[name] = life, tick
+        self._reached[name] = episode, tick
         self._left_out.discard(name)
 
-    def all_reached(self, life: int, tick: int) -> None:
+    def all_reached(self, episode: int, tick: int) -> None:
         """Record the same tick for all sensors."""
-        self._reached = dict.fromkeys(self._names, (life, tick))
+        self._reached = dict.fromkeys(self._names, (episode, tick))
 
     def leave_out(self, names: Iterable[str]) -> None:
         """Stop waiting for sensors until they are heard again."""
         self._left_out |= set(names)
 
-    def behind(self, life: int, tick: int) -> list[str]:
+    def behind(self, episode: int, tick: int) -> list[str]:
         """Return the sensors that have not reached a tick."""
         reached = self._reached.items()
-        there = {name for name, known in reached if known[0] == life and known[1] >= tick}
+        there = {name for name, known in reached if known[0] == episode and known[1] >= tick}
         return [name for name in self._names if name not in there | self._left_out]
 
 
@@ -122,7 +122,7 @@ class _Replied:
 class _Clock:
     """What is known of the run's time."""
 
-    life: int = 0
+    episode: int = 0
     tick: int = -1
     due: Clock | None = None
     """The tick at which physics waits and whose barrier was not sent yet."""
@@ -218,9 +218,9 @@ class Lockstep:
         self._is_news = True
         match message:
             case Ack():
-                self._sensors.reached(key.partition("/ack/")[2], message.life, message.tick)
+                self._sensors.reached(key.partition("/ack/")[2], message.episode, message.tick)
             case State():
-                self._sensors.reached(PHYSICS, message.life, message.tick)
+                self._sensors.reached(PHYSICS, message.episode, message.tick)
             case Clock():
                 self._hear_clock(key, message)
             case _ if self._is_current(message):
@@ -255,18 +255,18 @@ class Lockstep:
 
     def _hear_clock(self, key: str, clock: Clock) -> None:
         known = self._clock
-        if clock.life == known.life and clock.tick <= known.tick:
+        if clock.episode == known.episode and clock.tick <= known.tick:
             return
-        if clock.life != known.life:
+        if clock.episode != known.episode:
             # Messages of the episode before that no barrier has listed are never listed.
             self._announced.mark_announced(self._link.sent_counts(self._gateway.peer))
             self._forwarded.clear()
-            known.life, known.commanded = clock.life, {}
+            known.episode, known.commanded = clock.episode, {}
         known.tick = clock.tick
         self._forward(key, clock)
         if behind := clock.tick % self._time.ack_ticks:
             # A restored run begins between two barriers: ROS got all of this before it was saved.
-            self._acknowledge(Ack(clock.life, clock.tick - behind, clock.tick - behind))
+            self._acknowledge(Ack(clock.episode, clock.tick - behind, clock.tick - behind))
             return
         known.due, self._wait.since = clock, None
         self._handle(LockstepEvent.CLOCK)
@@ -291,7 +291,7 @@ class Lockstep:
     def _behind(self) -> list[str]:
         """Return the sensors that have not acknowledged the tick that is due."""
         due = self._clock.due
-        return self._sensors.behind(due.life, due.tick) if due is not None else []
+        return self._sensors.behind(due.episode, due.tick) if due is not None else []
 
     def _look_for_reply(self) -> None:
         sent = self._sent
@@ -317,7 +317,7 @@ class Lockstep:
         assert due is not None
         messages, self._forwarded = self._forwarded, []
         sent, before = self._newly_sent(), self._sent
-        barrier = Barrier(due.life, due.tick, LIMIT_MS, sent, before.barrier.responses)
+        barrier = Barrier(due.episode, due.tick, LIMIT_MS, sent, before.barrier.responses)
         self._sent = _SentBarrier(
             *(barrier, due.stamp_nanos, messages, self._now), resent_seconds=before.resent_seconds
         )
@@ -386,7 +386,7 @@ class Lockstep:
     def _ask_for_sensors(self) -> None:
         for name in self._behind():
             if status := self._resume(name):
-                self._sensors.reached(name, status.ack.life, status.ack.tick)
+                self._sensors.reached(name, status.ack.episode, status.ack.tick)
 
     def _catch_up(self, ack: Ack, state: State) -> None:
         """Continue where physics says that the run stands, after all received messages.
@@ -396,12 +396,12 @@ class Lockstep:
         self._status = None
         if state.tick % self._time.ack_ticks or ack.tick >= state.tick:
             return
-        if state.life == self._clock.life and state.tick <= self._clock.tick:
+        if state.episode == self._clock.episode and state.tick <= self._clock.tick:
             self._handle(LockstepEvent.STILL_WAITING)
             return
         # Sensors do not repeat acknowledgements that a predecessor of this process got.
-        self._sensors.all_reached(state.life, state.tick)
-        clock = Clock(state.stamp_nanos, state.epoch_nanos, state.tick, state.life)
+        self._sensors.all_reached(state.episode, state.tick)
+        clock = Clock(state.stamp_nanos, state.epoch_nanos, state.tick, state.episode)
         self._hear_clock(self._clock_key, clock)
 
     def _report_wait(self) -> None:

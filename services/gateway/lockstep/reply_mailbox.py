@@ -44,17 +44,17 @@ class ReplyMailbox:
                 self._changed.wait(seconds)
             self._has_news = False
 
-    def of(self, life: int, tick: int) -> tuple[BarrierReply, str] | None:
+    def of(self, episode: int, tick: int) -> tuple[BarrierReply, str] | None:
         """Return the newest reply and its topic if it answers the barrier of this tick."""
         with self._changed:
             found = self._reply
-        return found if found and (found[0].episode, found[0].tick) == (life, tick) else None
+        return found if found and (found[0].episode, found[0].tick) == (episode, tick) else None
 
-    def lacking(self, node: str, life: int, tick: int) -> str:
+    def lacking(self, node: str, episode: int, tick: int) -> str:
         """Return in a line what a node has not done at the barrier of a tick."""
         if tick < 0:
             return f"{node} does not reply. Fix: start udp_bridge_ros2 there"
-        if (found := self.of(life, tick)) is None:
+        if (found := self.of(episode, tick)) is None:
             return f"{node} has not replied to the barrier of tick {tick}"
         reply, topic = found
         if reply.state == WAITING:

@@ -146,7 +146,7 @@ class Episode:
 
     def acknowledged(self, process: str, ack: Ack) -> None:
         """Take an acknowledgement, of this episode or an earlier one."""
-        if ack.life == self.number and process not in self._cut_off:
+        if ack.episode == self.number and process not in self._cut_off:
             self._pending_acks.add(process, ack)
 
     def command(self, vehicle: str, command: Command | WheelCommand | JointState) -> bool:
@@ -199,7 +199,7 @@ class Episode:
         return Journal(
             made_on=this_platform(),
             run=self._run,
-            life=self.number,
+            episode=self.number,
             epoch_nanos=self.epoch_nanos,
             scenario=self._at_start,
             tick=self.tick,
@@ -211,7 +211,7 @@ class Episode:
 
     def take_over(self, acks: Mapping[str, Ack]) -> None:
         """Carry over the acknowledgements of an earlier episode that had come to this tick."""
-        self._acks = {name: replace(ack, life=self.number) for name, ack in acks.items()}
+        self._acks = {name: replace(ack, episode=self.number) for name, ack in acks.items()}
         self._predecessors = set(acks)
 
     def apply_acks(self) -> None:

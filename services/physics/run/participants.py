@@ -66,7 +66,7 @@ class Participants:
 
     def acknowledged(self, process: str, ack: Ack) -> None:
         """Record how far a process has come in this episode."""
-        if ack.life == self._episode and (process in self._requirements or self._of_others):
+        if ack.episode == self._episode and (process in self._requirements or self._of_others):
             self._reached[process] = ack.tick
             self.absent -= {process}
 

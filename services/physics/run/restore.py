@@ -51,7 +51,7 @@ class JournalArchive:
         first = int(left_out or 0)
         if not number or int(number) == present.number:
             return present.journal(first)
-        if self._ended is None or int(number) != self._ended.life:
+        if self._ended is None or int(number) != self._ended.episode:
             return None
         return replace(self._ended, entries=self._ended.entries[first:], left_out=first)
 

@@ -100,15 +100,15 @@ class LiveFaults:
         with self._turn:
             self._sensor.resume(ack)
             has_reported = self._life is None
-            self._life = ack.life
+            self._life = ack.episode
             self._reported = self._model.active(ack.settled_tick) if has_reported else None
 
     def take(self, state: State, waiting: int = 0) -> None:
         """Take one state, in order; report changes. `waiting` more states have arrived."""
         with self._turn:
             self._sensor.take(state, waiting)
-            if state.life != self._life:
-                self._life = state.life
+            if state.episode != self._life:
+                self._life = state.episode
                 # A process that joins a running episode may follow one that had faults.
                 self._reported = None if state.tick else ()
             if self._sensor.tick == state.tick and self.active != self._reported:

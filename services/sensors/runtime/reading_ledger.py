@@ -66,12 +66,12 @@ class Account:
         self._publish = publish
         self.missing: Counter[Cause] = Counter()
         self._told: deque[Gaps] = deque()
-        """Of this life, and not long ago."""
+        """Of this episode, and not long ago."""
 
         self._begin()
 
     def _begin(self) -> None:
-        """Begin a life of physics: from tick 0 on, whenever the sensor has joined it."""
+        """Begin an episode of physics: from tick 0 on, whenever the sensor has joined it."""
         self._told.clear()
         self._next = dict.fromkeys(self._outputs, self._calendar.first)
         self._pending: dict[str, list[_Missing]] = {output: [] for output in self._outputs}

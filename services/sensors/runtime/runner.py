@@ -91,7 +91,7 @@ class SensorProcess:
     def resume(self, ack: Ack) -> None:
         """Go on where a predecessor stopped: what it has settled is not published again."""
         self._model.restart()
-        self._life = ack.life
+        self._life = ack.episode
         self._published_to = ack.settled_tick
         # Others may need earlier states; what is remembered here is of the settled tick.
         self.tick = max(ack.settled_tick, 0) - 1
@@ -123,7 +123,7 @@ class SensorProcess:
         UserError
             when physics simulates another world than this replica holds.
         """
-        if state.life == self._life and state.tick <= self.tick:
+        if state.episode == self._life and state.tick <= self.tick:
             return
         if self._is_let_go(waiting):
             return
@@ -137,8 +137,8 @@ class SensorProcess:
             self._expected_world_hash = state.world_hash
             self.worlds += 1
         self.epoch_nanos = state.epoch_nanos
-        if state.life != self._life:
-            self._life, self._published_to, self.tick = state.life, -1, -1
+        if state.episode != self._life:
+            self._life, self._published_to, self.tick = state.episode, -1, -1
             self.acknowledged_tick = -1
             self._model.restart()
             self._remember(b"")

@@ -47,8 +47,8 @@ def test_a_gateway_that_counts_anew_in_the_same_process_is_another_life() -> Non
 @pytest.mark.parametrize("before", [False, True])
 @pytest.mark.parametrize("now", [False, True])
 def test_what_one_life_was_told_of_is_reported(before: bool, now: bool) -> None:
-    lives = (replace(report(100), reported=told) for told in (before, now))
-    assert heard(*enumerate(lives)).reported is (before or now)
+    episodes = (replace(report(100), reported=told) for told in (before, now))
+    assert heard(*enumerate(episodes)).reported is (before or now)
 
 
 def test_the_rate_is_that_over_all_lives() -> None:

@@ -15,12 +15,12 @@ from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Ack, State, encode
 from groundlink.process.state_follower import StateFollower, follow_states
 
-LIFE = 5
+EPISODE = 5
 ACK_TICKS = 4
 
 
-def state(tick: int, life: int = LIFE) -> State:
-    return State("run", life, 0, tick, tick * TICK_NANOS, "hash", {})
+def state(tick: int, episode: int = EPISODE) -> State:
+    return State("run", episode, 0, tick, tick * TICK_NANOS, "hash", {})
 
 
 @dataclass
@@ -55,7 +55,7 @@ class Physics:
         self.asked += 1
         if self.asked == 1:
             return {}  # at the start there was nothing yet
-        ack = Ack(LIFE, self.acknowledged, self.acknowledged)
+        ack = Ack(EPISODE, self.acknowledged, self.acknowledged)
         kept = [ack, *(one for one in self.told if one.tick > self.acknowledged)]
         return {str(number): encode(message) for number, message in enumerate(kept)}
 

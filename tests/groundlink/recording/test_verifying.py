@@ -93,7 +93,7 @@ def journal(scenario: Scenario, seconds: float) -> Journal:
     return Journal(
         made_on=this_platform(),
         run="lab",
-        life=1,
+        episode=1,
         epoch_nanos=EPOCH,
         scenario=scenario,
         tick=round(seconds * 400),

@@ -125,7 +125,7 @@ def test_where_a_filter_tells_it_nothing_is_told() -> None:
 
 
 def test_an_ideal_localisation_goes_on_where_time_jumps_back() -> None:
-    """As in a replay that loops, whose life stays the same."""
+    """As in a replay that loops, whose episode stays the same."""
     _, (base,) = of("indoor_paper", map="truth")
     found = []
     for _ in range(2):

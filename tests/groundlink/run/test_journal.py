@@ -53,7 +53,7 @@ ENTRIES = (
 SAVED = Journal(
     made_on=this_platform(),
     run="run",
-    life=7,
+    episode=7,
     epoch_nanos=10**18,
     scenario=SCENARIO,
     tick=40,
@@ -86,7 +86,7 @@ def test_a_journal_goes_on_where_an_earlier_one_ends() -> None:
     first = replace(SAVED, tick=5, entries=SAVED.entries[:3])
     rest = replace(SAVED, entries=SAVED.entries[3:], left_out=3)
     assert first.followed_by(rest) == SAVED
-    for other in (replace(rest, life=8), replace(rest, left_out=4)):
+    for other in (replace(rest, episode=8), replace(rest, left_out=4)):
         with pytest.raises(ValueError, match="continuation"):
             first.followed_by(other)
 
@@ -162,7 +162,7 @@ def test_a_machine_says_what_it_has_otherwise() -> None:
 
 def test_a_state_has_one_digest_in_every_life() -> None:
     state = State("run", 1, 5, 3, 7_500_000, "hash", {})
-    assert state_digest(state) == state_digest(replace(state, run="b", life=2, epoch_nanos=6))
+    assert state_digest(state) == state_digest(replace(state, run="b", episode=2, epoch_nanos=6))
     assert state_digest(state) != state_digest(replace(state, tick=4))
 
 

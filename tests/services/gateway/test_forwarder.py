@@ -27,9 +27,9 @@ def test_it_tells_how_far_it_is_and_counts_clocks_that_the_bus_has_lost() -> Non
     link: Any = None
     scenario = load(SHIPPED / "indoor_lab.yaml")
     forwarder = Forwarder(scenario, gateway, link, acknowledge=acks.append)
-    for life, tick in ((5, 300), (5, 304), (5, 312), (6, 0), (6, 4)):  # at 100 Hz
-        forwarder.hear("clock", Clock(0, 0, tick, life))
-    assert [(ack.life, ack.tick) for ack in acks][-1] == (6, 4)
+    for episode, tick in ((5, 300), (5, 304), (5, 312), (6, 0), (6, 4)):  # at 100 Hz
+        forwarder.hear("clock", Clock(0, 0, tick, episode))
+    assert [(ack.episode, ack.tick) for ack in acks][-1] == (6, 4)
     assert forwarder.counts == {"clocks_missed": 1}
 
 

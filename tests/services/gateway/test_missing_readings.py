@@ -22,16 +22,16 @@ class Run:
 
     def __init__(self) -> None:
         self.missing_readings = MissingReadingCounter(SCENARIO, "lab")
-        self.life, self.epoch_nanos = 1, 100 * SECOND
+        self.episode, self.epoch_nanos = 1, 100 * SECOND
 
     def begins_anew(self, *, epoch_nanos: int) -> None:
-        self.life, self.epoch_nanos = self.life + 1, epoch_nanos
+        self.episode, self.epoch_nanos = self.episode + 1, epoch_nanos
 
     def clock(self, seconds: float) -> None:
         nanos = round(seconds * SECOND)
         tick = nanos // 2_500_000
         stamp = self.epoch_nanos + nanos
-        self.missing_readings.clock(Clock(stamp, self.epoch_nanos, tick, self.life))
+        self.missing_readings.clock(Clock(stamp, self.epoch_nanos, tick, self.episode))
 
     def came(self, sensor: str, *readings: int) -> None:
         for reading in readings:
@@ -98,7 +98,7 @@ def test_readings_that_arrive_after_their_episode_are_not_missing(run: Run) -> N
     run.begins_anew(epoch_nanos=100 * SECOND)
     run.came("encoders", 50, 52, 52, 3000)
     run.begins_anew(epoch_nanos=140 * SECOND)
-    run.life = 2
+    run.episode = 2
     run.came("encoders", 0)
     run.clock(0.1)
     assert run.not_come("/wheel_encoders") == 48

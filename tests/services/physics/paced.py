@@ -18,7 +18,7 @@ from services.physics.run.stall_policy import StallPolicy
 LAB = load(Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml")
 SENSORS = LAB.sensor_names()
 LIDAR = "rover/lidar"
-LIFE = 5
+EPISODE = 5
 STEP_SECONDS = 50e-6
 """That a step of physics takes."""
 
@@ -28,7 +28,7 @@ class Paced:
 
     def __init__(self, time: Time, *, others: Sequence[str] = ()) -> None:
         self.time = time
-        self.pacer = pacer_for(replace(LAB, time=time), LIFE, others)
+        self.pacer = pacer_for(replace(LAB, time=time), EPISODE, others)
         self.stall_policy = StallPolicy(time)
         self.lines: list[str] = []
         self.now = 100.0
@@ -87,4 +87,4 @@ class Paced:
             self._say(name, word)
 
     def _say(self, name: str, tick: int) -> None:
-        self.pacer.participants.acknowledged(name, Ack(LIFE, tick, tick))
+        self.pacer.participants.acknowledged(name, Ack(EPISODE, tick, tick))

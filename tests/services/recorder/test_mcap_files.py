@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A file for each life of physics, and never one over another; with it the run's journal."""
+"""A file for each episode of physics, and never one over another; with it the run's journal."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ def test_what_exists_stays_and_the_next_goes_beside_it(
 
 
 class Physics:
-    """Answers for the journal of a life in which a command comes every ten ticks."""
+    """Answers for the journal of an episode in which a command comes every ten ticks."""
 
-    def __init__(self, scenario: Scenario, life: int) -> None:
-        self.scenario, self.life, self.tick = scenario, life, 0
+    def __init__(self, scenario: Scenario, episode: int) -> None:
+        self.scenario, self.episode, self.tick = scenario, episode, 0
         self.questions: list[str] = []
 
     def journal(self, left_out: int = 0) -> Journal:
@@ -60,33 +60,33 @@ class Physics:
         return Journal(
             made_on=this_platform(),
             run=RUN,
-            life=self.life,
+            episode=self.episode,
             epoch_nanos=5,
             scenario=self.scenario,
             tick=self.tick,
             digest="",
             entries=tuple(entries[left_out:]),
             left_out=left_out,
-            acks={"rover/imu": Ack(self.life, self.tick, self.tick)},
+            acks={"rover/imu": Ack(self.episode, self.tick, self.tick)},
         )
 
     def ask(self, question: str) -> bytes:
         self.questions.append(question)
-        life, _, left_out = question.partition("/")
-        return dumped(self.journal(int(left_out))) if int(life) == self.life else b""
+        episode, _, left_out = question.partition("/")
+        return dumped(self.journal(int(left_out))) if int(episode) == self.episode else b""
 
 
 def recorded(files: McapFiles, recorder: Recorder, physics: Physics, until_tick: int) -> None:
-    """Record the clock of a life, tended now and then."""
+    """Record the clock of an episode, tended now and then."""
     while physics.tick < until_tick:
         physics.tick += 100
         stamp = 5 + physics.tick * TICK_NANOS
-        recorder.take(CLOCK, Clock(stamp, 5, physics.tick, physics.life))
+        recorder.take(CLOCK, Clock(stamp, 5, physics.tick, physics.episode))
         files.tend(recorder)
 
 
 def test_the_journal_is_added_part_after_part(lab: Scenario, tmp_path: Path) -> None:
-    physics = Physics(lab, life=77)
+    physics = Physics(lab, episode=77)
     files = McapFiles(tmp_path / "run.mcap", lab, RUN, physics.ask)
     recorder = Recorder(lab, RUN, files.begin)
     recorded(files, recorder, physics, 5000)
@@ -100,7 +100,7 @@ def test_the_journal_is_added_part_after_part(lab: Scenario, tmp_path: Path) -> 
     files.finish(recorder)
     with Recording(files.path) as recording:
         journal = recording.journal
-    assert journal == replace(physics.journal(), acks={}, life=0)
+    assert journal == replace(physics.journal(), acks={}, episode=0)
     assert len(physics.questions) == pytest.approx(5000 / ticks + 1, abs=1)
     assert physics.questions[-1] == f"77/{len(journal.entries) - (5000 - 4900) // 10}"
 
@@ -108,7 +108,7 @@ def test_the_journal_is_added_part_after_part(lab: Scenario, tmp_path: Path) -> 
 def test_where_all_have_come_to_the_end_the_file_says_so(lab: Scenario, tmp_path: Path) -> None:
     sensors = lab.sensor_names()
     for absent, whole in (((), False), (sensors, True)):
-        physics = Physics(lab, life=77)
+        physics = Physics(lab, episode=77)
         files = McapFiles(tmp_path / f"{whole}.mcap", lab, RUN, physics.ask)
         recorder = Recorder(lab, RUN, files.begin, duration_nanos=NANOS, absent=absent)
         # Of physics itself only the clock comes.
@@ -125,7 +125,7 @@ def test_where_all_have_come_to_the_end_the_file_says_so(lab: Scenario, tmp_path
 
 
 def test_the_journal_of_another_episode_is_ignored(lab: Scenario, tmp_path: Path) -> None:
-    physics = Physics(lab, life=77)
+    physics = Physics(lab, episode=77)
     files = McapFiles(tmp_path / "run.mcap", lab, RUN, lambda question: dumped(physics.journal()))
     recorder = Recorder(lab, RUN, files.begin)
     recorder.take(CLOCK, Clock(5, 5, 0, 78))

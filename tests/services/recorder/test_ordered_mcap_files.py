@@ -23,7 +23,7 @@ from services.recorder.recorder import Recorder
 
 RUN = "lab"
 EPOCH = 10**18
-LIFE = 7
+EPISODE = 7
 CLOCK = f"groundlink/{RUN}/clock"
 IMU = f"groundlink/{RUN}/rover/imu"
 COMMAND = f"groundlink/{RUN}/rover/command"
@@ -44,7 +44,7 @@ def lab() -> Scenario:
 
 
 class Physics:
-    """Answers for the journal of a life that is some ticks ahead of what is recorded."""
+    """Answers for the journal of an episode that is some ticks ahead of what is recorded."""
 
     def __init__(self, scenario: Scenario, ahead: random.Random) -> None:
         self._scenario, self._ahead = scenario, ahead
@@ -62,21 +62,21 @@ class Physics:
             Journal(
                 made_on=this_platform(),
                 run=RUN,
-                life=LIFE,
+                episode=EPISODE,
                 epoch_nanos=EPOCH,
                 scenario=self._scenario,
                 tick=self.tick,
                 digest=str(self.tick),
                 entries=tuple(self._entries[left_out:]),
                 left_out=left_out,
-                acks={"rover/imu": Ack(LIFE, self.tick, self.tick)},
+                acks={"rover/imu": Ack(EPISODE, self.tick, self.tick)},
             )
         )
 
 
 def clock(tick: int) -> Step:
     stamp = EPOCH + tick * TICK_NANOS
-    return lambda recorder: recorder.take(CLOCK, Clock(stamp, EPOCH, tick, LIFE))
+    return lambda recorder: recorder.take(CLOCK, Clock(stamp, EPOCH, tick, EPISODE))
 
 
 def imu(tick: int) -> Step:
@@ -91,7 +91,7 @@ def command(tick: int) -> Step:
 
 
 def acknowledged(tick: int) -> Step:
-    return lambda recorder: recorder.acknowledged("rover/imu", Ack(LIFE, tick, tick))
+    return lambda recorder: recorder.acknowledged("rover/imu", Ack(EPISODE, tick, tick))
 
 
 def arriving(seed: int) -> Iterable[tuple[int, Step]]:

@@ -314,7 +314,7 @@ def test_messages_before_the_first_clock_of_an_episode_belong_to_it(
     rig.clock(0)
     rig.imu(0)
     rig.imu(100)
-    rig.imu(1000)  # of a life whose clock has not come yet
+    rig.imu(1000)  # of an episode whose clock has not come yet
     rig.clock(100)
     assert [tick for tick, _ in rig.written()["/imu"]] == [0, 100]
     assert [message.stamp_nanos for _, message in rig.recorder.early] == [  # type: ignore[attr-defined]

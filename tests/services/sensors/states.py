@@ -74,7 +74,7 @@ def states(
         joints = np.asarray(joint_positions[i] if len(joint_positions) else (), np.float64)
         yield State(
             run="test",
-            life=EPOCH_NANOS,
+            episode=EPOCH_NANOS,
             epoch_nanos=EPOCH_NANOS,
             tick=first_tick + i,
             sim_nanos=(first_tick + i) * TICK_NANOS,

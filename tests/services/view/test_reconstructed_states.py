@@ -82,7 +82,11 @@ def test_links_are_where_they_were_also_between_the_poses_of_all_bodies() -> Non
     assert len(made) == 10
     for tick, found in zip(range(0, 80, 8), made, strict=True):
         was, now = driving(tick).vehicles["rover"], found.vehicles["rover"]
-        assert (found.sim_nanos, found.epoch_nanos, found.life) == (tick * TICK_NANOS, EPOCH, EPOCH)
+        assert (found.sim_nanos, found.epoch_nanos, found.episode) == (
+            tick * TICK_NANOS,
+            EPOCH,
+            EPOCH,
+        )
         np.testing.assert_allclose(now.poses()[:, :3], was.poses()[:, :3], atol=1e-9)
         same_turn(now.poses()[:, 3:], was.poses()[:, 3:])
         np.testing.assert_allclose(floats(now.base_velocity), floats(was.base_velocity), atol=1e-9)
@@ -149,7 +153,7 @@ def test_another_round_of_a_replay_is_another_episode() -> None:
     states, episodes = StateReconstructor(SCENARIO, "run"), []
     for tick in (0, 8, 0, 8):
         found, _ = states.follow([clock(tick), drawable("rover/ground_truth", truth(tick))])
-        episodes += [state.life for state in found]
+        episodes += [state.episode for state in found]
     assert episodes[0] == episodes[1] != episodes[2] == episodes[3]
 
 

@@ -29,7 +29,7 @@ TWIST, CLOCK, ENCODERS, JOINTS = map(type_number, ("Twist", "Clock", "WheelEncod
 COMMAND_KEY = "groundlink/lab/rover/command"
 LAB = load(SHIPPED / "indoor_lab.yaml")
 SENSORS = ("rover/lidar", "rover/imu", "rover/encoders", "rover/camera")
-LIFE = 77
+EPISODE = 77
 
 
 class StandIn:
@@ -64,7 +64,7 @@ class Rig:
 
     time: Time = field(default_factory=lambda: Time(mode="fast", lockstep="ros", epoch="zero"))
     resumed: RunStatus | None = None
-    heard_of_sensors: Ack = field(default_factory=lambda: Ack(LIFE, -1, -1))
+    heard_of_sensors: Ack = field(default_factory=lambda: Ack(EPISODE, -1, -1))
 
     def __post_init__(self) -> None:
         scenario = replace(LAB, time=self.time)
@@ -106,12 +106,12 @@ class Rig:
         self.inbox.put(f"groundlink/{RUN}/{key}", encode(message), type(message))
         self.turn()
 
-    def clock(self, tick: int, life: int = LIFE) -> None:
-        self.hear("clock", Clock(tick * TICK_NANOS, 0, tick, life))
+    def clock(self, tick: int, episode: int = EPISODE) -> None:
+        self.hear("clock", Clock(tick * TICK_NANOS, 0, tick, episode))
 
-    def followed(self, tick: int, *names: str, life: int = LIFE) -> None:
+    def followed(self, tick: int, *names: str, episode: int = EPISODE) -> None:
         for name in names or SENSORS:
-            self.hear(f"ack/{name}", Ack(life, tick, tick))
+            self.hear(f"ack/{name}", Ack(episode, tick, tick))
 
     def measured(self, tick: int) -> None:
         reading = WheelEncoders(
@@ -120,8 +120,10 @@ class Rig:
         self.hear("rover/encoders", reading)
 
     def says(self, tick: int, *, state: int = DONE, topic: str = "", **more: Any) -> None:
-        life = 0 if tick < 0 else more.pop("life", LIFE)
-        self.gateway.on_message(self.of_ros(BarrierReply(life, tick, state, **more), topic), PEER)
+        episode = 0 if tick < 0 else more.pop("episode", EPISODE)
+        self.gateway.on_message(
+            self.of_ros(BarrierReply(episode, tick, state, **more), topic), PEER
+        )
         self.turn()
 
     @staticmethod

@@ -24,7 +24,7 @@ from udp_bridge.wire.lockstep import (
 )
 from udp_bridge.wire.types import CONTROL
 
-from .rig import CLOCK, COMMAND_KEY, ENCODERS, JOINTS, LIFE, PEER, RUN, SENSORS, TWIST, Rig
+from .rig import CLOCK, COMMAND_KEY, ENCODERS, EPISODE, JOINTS, PEER, RUN, SENSORS, TWIST, Rig
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_it_asks_when_all_sensors_have_followed_and_all_is_sent(rig: Rig) -> Non
     rig.link.is_busy = False
     rig.turn()
     barrier = rig.link.barriers[-1]
-    assert (barrier.episode, barrier.tick) == (LIFE, 0)
+    assert (barrier.episode, barrier.tick) == (EPISODE, 0)
     assert set(barrier.sent) == {
         SentMessages(CLOCK, "/clock", 0, 1),
         SentMessages(ENCODERS, "/wheel_encoders", 0, 1),
@@ -70,7 +70,7 @@ def test_it_asks_when_all_sensors_have_followed_and_all_is_sent(rig: Rig) -> Non
 
 def test_acknowledgements_of_another_episode_are_ignored(rig: Rig) -> None:
     rig.clock(0)
-    rig.followed(400, life=LIFE - 1)
+    rig.followed(400, episode=EPISODE - 1)
     assert rig.link.barriers[-1].tick == -1
 
 
@@ -86,14 +86,14 @@ def test_the_tick_is_acknowledged_after_the_reply_and_its_commands(rig: Rig) -> 
     rig.turn()
     assert [key for key, _ in rig.published] == [COMMAND_KEY] * 2
     assert all(isinstance(one, Command) and one.stamp_nanos == 0 for _, one in rig.published)
-    assert rig.acks == [Ack(LIFE, 0, 0, commanded={"rover": 0})]
+    assert rig.acks == [Ack(EPISODE, 0, 0, commanded={"rover": 0})]
     rig.clock(4)
     rig.followed(4)
     assert rig.link.barriers[-1].sent == (SentMessages(CLOCK, "/clock", 1, 1),)
     rig.commands(2)
     rig.says(4, sent=(SentMessages(TWIST, "/cmd_vel", 2, 1),))
     assert rig.published[-1][1].stamp_nanos == 4 * TICK_NANOS  # type: ignore[attr-defined]
-    assert rig.acks[-1] == Ack(LIFE, 4, 4, commanded={"rover": 4})
+    assert rig.acks[-1] == Ack(EPISODE, 4, 4, commanded={"rover": 4})
 
 
 def test_replies_of_strangers_and_of_other_ticks_are_ignored(rig: Rig) -> None:
@@ -101,8 +101,8 @@ def test_replies_of_strangers_and_of_other_ticks_are_ignored(rig: Rig) -> None:
     rig.followed(0)
     rig.says(4)
     rig.says(0, state=WAITING, topic="/cmd_vel")
-    rig.says(0, life=LIFE + 1)
-    rig.gateway.on_message(rig.of_ros(BarrierReply(LIFE, 0)), ("127.0.0.1", 9))
+    rig.says(0, episode=EPISODE + 1)
+    rig.gateway.on_message(rig.of_ros(BarrierReply(EPISODE, 0)), ("127.0.0.1", 9))
     rig.turn()
     assert rig.acks == []
     rig.says(0)
@@ -132,7 +132,7 @@ def test_a_ros_side_that_was_started_anew_gets_all_again_and_is_asked_again(rig:
     for _ in range(3):
         rig.says(4, state=RESTARTED)
     again = rig.link.barriers[-1]
-    assert (again.episode, again.tick) == (LIFE, 4)
+    assert (again.episode, again.tick) == (EPISODE, 4)
     told = {(ENCODERS, "/wheel_encoders"): 0, (JOINTS, "/joint_states"): 0, (CLOCK, "/clock"): 1}
     assert {*before.sent} == {SentMessages(*place, first, 1) for place, first in told.items()}
     assert {*again.sent} == {SentMessages(*place, first + 1, 1) for place, first in told.items()}
@@ -151,31 +151,31 @@ def test_a_reset_begins_anew(rig: Rig) -> None:
     rig.says(0)
     rig.clock(4)
     rig.measured(4)
-    rig.clock(0, life=LIFE + 1)
-    rig.measured(4)  # of the life that is over, by its stamp
-    rig.followed(0, life=LIFE + 1)
+    rig.clock(0, episode=EPISODE + 1)
+    rig.measured(4)  # of the episode that is over, by its stamp
+    rig.followed(0, episode=EPISODE + 1)
     barrier = rig.link.barriers[-1]
-    assert (barrier.episode, barrier.tick) == (LIFE + 1, 0)
+    assert (barrier.episode, barrier.tick) == (EPISODE + 1, 0)
     assert barrier.sent == (SentMessages(CLOCK, "/clock", 2, 1),)
     assert rig.lockstep.counts["other_episodes"] == 1
 
 
 def test_a_gateway_that_comes_back_asks_where_physics_stands() -> None:
-    state = State(RUN, LIFE, 0, 8, 8 * TICK_NANOS, "", {})
-    it = Rig(resumed=RunStatus(Ack(LIFE, 4, 4), state))
+    state = State(RUN, EPISODE, 0, 8, 8 * TICK_NANOS, "", {})
+    it = Rig(resumed=RunStatus(Ack(EPISODE, 4, 4), state))
     it.turn()
     it.says(-1)
     it.turn()
     barrier = it.link.barriers[-1]
-    assert (barrier.episode, barrier.tick) == (LIFE, 8)
+    assert (barrier.episode, barrier.tick) == (EPISODE, 8)
     it.says(8)
     assert [ack.tick for ack in it.acks] == [8]
 
 
 def stands_at(rig: Rig, tick: int, acknowledged: int) -> None:
     """Let physics say where it stands once nothing has come for long."""
-    state = State(RUN, LIFE, 0, tick, tick * TICK_NANOS, "", {})
-    rig.resumed = RunStatus(Ack(LIFE, acknowledged, acknowledged), state)
+    state = State(RUN, EPISODE, 0, tick, tick * TICK_NANOS, "", {})
+    rig.resumed = RunStatus(Ack(EPISODE, acknowledged, acknowledged), state)
     rig.turn(FIRST_SECONDS + 0.1)
     rig.turn()
 
@@ -203,15 +203,15 @@ def test_a_command_and_an_acknowledgement_that_the_bus_has_lost(rig: Rig) -> Non
 def test_acknowledgements_of_sensors_that_the_bus_has_lost(
     rig: Rig, they_have_said: int, asked: int
 ) -> None:
-    rig.heard_of_sensors = Ack(LIFE, they_have_said, they_have_said)
+    rig.heard_of_sensors = Ack(EPISODE, they_have_said, they_have_said)
     rig.clock(0)
     stands_at(rig, 0, acknowledged=-1)
     assert rig.link.barriers[-1].tick == asked
 
 
 def test_what_was_heard_of_is_not_asked_twice() -> None:
-    state = State(RUN, LIFE, 0, 0, 0, "", {})
-    it = Rig(resumed=RunStatus(Ack(LIFE, -1, -1), state))
+    state = State(RUN, EPISODE, 0, 0, 0, "", {})
+    it = Rig(resumed=RunStatus(Ack(EPISODE, -1, -1), state))
     it.clock(0)
     it.says(-1)
     it.turn()
@@ -224,7 +224,7 @@ def test_what_was_heard_of_is_not_asked_twice() -> None:
     [
         (None, "127.0.0.1:7511 has not replied to the barrier of tick 0"),
         (
-            BarrierReply(LIFE, 0, WAITING),
+            BarrierReply(EPISODE, 0, WAITING),
             "127.0.0.1:7511 has been waiting for /cmd_vel since the barrier of tick 0",
         ),
     ],

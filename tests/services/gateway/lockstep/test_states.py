@@ -22,7 +22,7 @@ from services.gateway.lockstep.states import (
 )
 from udp_bridge.wire.lockstep import RESTARTED
 
-from .rig import LIFE, RUN, Rig
+from .rig import EPISODE, RUN, Rig
 
 OVERDUE_SECONDS = 6.0
 SKIPPING = Time(mode="fast", lockstep="ros", epoch="zero", overload="skip")
@@ -73,8 +73,8 @@ REACH: dict[LockstepState, Callable[[Rig], None]] = {
 
 def still_waiting(rig: Rig) -> None:
     tick = rig.lockstep.tick
-    state = State(RUN, LIFE, 0, tick, tick * TICK_NANOS, "", {})
-    rig.resumed = RunStatus(Ack(LIFE, -1, -1), state)
+    state = State(RUN, EPISODE, 0, tick, tick * TICK_NANOS, "", {})
+    rig.resumed = RunStatus(Ack(EPISODE, -1, -1), state)
     rig.turn(FIRST_SECONDS + 0.1)
     rig.turn()
 

@@ -15,15 +15,15 @@ from groundlink.scenario.schema import Time
 from services.physics.run.episode import Episode
 from services.physics.run.publishers import silent_publishers
 
-LIFE = 5
+EPISODE = 5
 LAB = load(SHIPPED / "indoor_lab.yaml")
 
 
 @pytest.fixture(params=["fast", "realtime"])
 def episode(request: pytest.FixtureRequest) -> Iterator[Episode]:
     scenario = replace(LAB, time=Time(mode=request.param))
-    episode = Episode(scenario, "run", silent_publishers(), others=(), wall_nanos=LIFE)
-    episode.begin(LIFE, 0.0)
+    episode = Episode(scenario, "run", silent_publishers(), others=(), wall_nanos=EPISODE)
+    episode.begin(EPISODE, 0.0)
     yield episode
     episode.end()
 
@@ -34,7 +34,7 @@ def heard(episode: Episode, process: str) -> int:
 
 
 def says(episode: Episode, process: str, tick: int) -> None:
-    episode.acknowledged(process, Ack(LIFE, tick, tick))
+    episode.acknowledged(process, Ack(EPISODE, tick, tick))
     episode.apply_acks()
 
 
@@ -60,7 +60,7 @@ def test_others_than_sensors_and_drivers_have_nothing_to_repeat(episode: Episode
         (Time(), 7),
         (Time("fast"), 10**18),
         (Time("lockstep"), 10**18),
-        (Time("fast", epoch="wall"), LIFE),
+        (Time("fast", epoch="wall"), EPISODE),
         (Time(epoch="fixed"), 10**18),
         (Time(epoch="zero"), 0),
         (Time("fast", epoch="zero"), 0),
@@ -70,7 +70,7 @@ def test_a_run_that_does_not_follow_the_wall_clock_begins_at_the_same_stamp(
     time: Time, begins_nanos: int
 ) -> None:
     episode = Episode(
-        replace(LAB, time=time), "run", silent_publishers(), others=(), wall_nanos=LIFE
+        replace(LAB, time=time), "run", silent_publishers(), others=(), wall_nanos=EPISODE
     )
     episode.begin(7, 0.0)
     assert episode.epoch_nanos == begins_nanos

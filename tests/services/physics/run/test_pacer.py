@@ -12,7 +12,7 @@ from groundlink.messages.base import Ack
 from groundlink.scenario.route import DRIVER_WINDOW_TICKS, Square
 from groundlink.scenario.schema import Time
 from services.physics.run.pacer import SKIP_AT_ONCE_SECONDS, SLOW_AT_ONCE_SECONDS, pacer_for
-from tests.services.physics.paced import LAB, LIDAR, LIFE, SENSORS, Paced
+from tests.services.physics.paced import EPISODE, LAB, LIDAR, SENSORS, Paced
 
 HALF = {LIDAR: 0.5}
 
@@ -133,12 +133,12 @@ def test_fail_bears_what_is_caught_up_with() -> None:
 
 
 def test_in_real_time_who_is_not_there_or_does_not_matter_is_not_waited_for() -> None:
-    pacer = pacer_for(LAB, LIFE, ["rover/driver"])
-    pacer.participants.acknowledged("gateway", Ack(LIFE, 3, 3))
-    pacer.participants.acknowledged("rover/driver", Ack(LIFE, 3, 3))
+    pacer = pacer_for(LAB, EPISODE, ["rover/driver"])
+    pacer.participants.acknowledged("gateway", Ack(EPISODE, 3, 3))
+    pacer.participants.acknowledged("rover/driver", Ack(EPISODE, 3, 3))
     assert pacer.participants.missing(10**6) == []
     for name in (*SENSORS, "recorder"):
-        pacer.participants.acknowledged(name, Ack(LIFE, 3, 3))
+        pacer.participants.acknowledged(name, Ack(EPISODE, 3, 3))
     assert pacer.participants.missing(10**6) == sorted([*SENSORS, "recorder"])
 
 
@@ -166,14 +166,14 @@ def test_fast_goes_as_fast_as_the_slowest() -> None:
 def test_lockstep_begins_with_all_that_it_waits_for(mode: str) -> None:
     driven = replace(LAB, vehicles=(replace(LAB.vehicles[0], route=Square()),))
     scenario = replace(driven, time=Time(mode=mode))  # type: ignore[arg-type]
-    pacer = pacer_for(scenario, LIFE, ["recorder"])
+    pacer = pacer_for(scenario, EPISODE, ["recorder"])
     participants = sorted([*SENSORS, "recorder", "rover/driver"])
     assert pacer.participants.missing(0) == participants
     for name in participants:
-        pacer.participants.acknowledged(name, Ack(LIFE, 0, 0))
+        pacer.participants.acknowledged(name, Ack(EPISODE, 0, 0))
     assert pacer.participants.missing(DRIVER_WINDOW_TICKS + 1) == ["rover/driver"]
     assert pacer.participants.missing(401) == participants
-    pacer.participants.acknowledged("gateway", Ack(LIFE, 0, 0))
+    pacer.participants.acknowledged("gateway", Ack(EPISODE, 0, 0))
     assert "gateway" in pacer.participants.missing(401)
     pacer.participants.left("gateway")
     assert "gateway" not in pacer.participants.missing(401)
@@ -181,12 +181,12 @@ def test_lockstep_begins_with_all_that_it_waits_for(mode: str) -> None:
 
 def test_lockstep_with_ros_steps_from_word_to_word() -> None:
     time = Time(mode="fast", lockstep="ros", clock_rate_hz=100.0)
-    pacer = pacer_for(replace(LAB, time=time), LIFE, [])
+    pacer = pacer_for(replace(LAB, time=time), EPISODE, [])
     for name in SENSORS:
-        pacer.participants.acknowledged(name, Ack(LIFE, 400, 400))
+        pacer.participants.acknowledged(name, Ack(EPISODE, 400, 400))
     assert pacer.participants.missing(0) == []
     assert pacer.participants.missing(1) == ["gateway"]
-    pacer.participants.acknowledged("gateway", Ack(LIFE, 0, 0))
+    pacer.participants.acknowledged("gateway", Ack(EPISODE, 0, 0))
     assert pacer.participants.missing(4) == []
     assert pacer.participants.missing(5) == ["gateway"]
     pacer.participants.left("gateway")

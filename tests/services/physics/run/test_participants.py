@@ -7,23 +7,23 @@ from groundlink.messages.base import Ack
 from groundlink.scenario.route import COMMAND_AHEAD_TICKS, DRIVER_PERIOD_TICKS, DRIVER_WINDOW_TICKS
 from services.physics.run.participants import Participants, PendingAcks, barriers, window
 
-LIFE = 7
+EPISODE = 7
 
 
 @pytest.fixture
 def participants() -> Participants:
     """Return what a run in lockstep waits for."""
     requirements = dict.fromkeys(("rover/imu", "rover/lidar"), window(100))
-    return Participants(requirements, needed=requirements, of_others=window(50), episode=LIFE)
+    return Participants(requirements, needed=requirements, of_others=window(50), episode=EPISODE)
 
 
 @pytest.fixture
 def present() -> Participants:
     """Return what a run in real time waits for."""
-    return Participants(dict.fromkeys(("rover/imu", "rover/lidar"), window(100)), episode=LIFE)
+    return Participants(dict.fromkeys(("rover/imu", "rover/lidar"), window(100)), episode=EPISODE)
 
 
-def ack(participants: Participants, process: str, tick: int, episode: int = LIFE) -> None:
+def ack(participants: Participants, process: str, tick: int, episode: int = EPISODE) -> None:
     participants.acknowledged(process, Ack(episode, tick, tick))
 
 
@@ -65,7 +65,7 @@ def test_who_is_needed_is_waited_for_when_it_has_left(participants: Participants
 
 
 def test_words_of_another_episode_do_not_count(participants: Participants) -> None:
-    ack(participants, "rover/imu", 1000, episode=LIFE - 1)
+    ack(participants, "rover/imu", 1000, episode=EPISODE - 1)
     assert "rover/imu" in participants.missing(1)
 
 
@@ -111,7 +111,7 @@ def test_who_is_not_wanted_any_more_is_not_waited_for(participants: Participants
 
 def test_a_step_in_which_a_drivers_command_acts_waits_for_that_command() -> None:
     requirements = {"rover/driver": window(DRIVER_WINDOW_TICKS)}
-    participants = Participants(requirements, needed=requirements, episode=LIFE)
+    participants = Participants(requirements, needed=requirements, episode=EPISODE)
     assert participants.missing(1)
     for answered in range(-DRIVER_PERIOD_TICKS, 80, DRIVER_PERIOD_TICKS):
         ack(participants, "rover/driver", answered)
@@ -124,7 +124,7 @@ def test_a_step_in_which_a_drivers_command_acts_waits_for_that_command() -> None
 
 def test_a_step_after_a_barrier_waits_for_the_word_on_that_barrier() -> None:
     """What was commanded by the barrier acts in the step after it, and never in another one."""
-    participants = Participants({"gateway": barriers(4)}, needed=("gateway",), episode=LIFE)
+    participants = Participants({"gateway": barriers(4)}, needed=("gateway",), episode=EPISODE)
     ack(participants, "gateway", -1)
     assert not participants.missing(0), "the first state has to be told"
     for barrier in range(0, 40, 4):
@@ -135,12 +135,12 @@ def test_a_step_after_a_barrier_waits_for_the_word_on_that_barrier() -> None:
 
 def test_a_word_counts_when_the_commands_that_it_speaks_of_are_here() -> None:
     promises = PendingAcks()
-    first = Ack(LIFE, -8, -1)
+    first = Ack(EPISODE, -8, -1)
     promises.add("rover/driver", first)
     assert list(promises.take_complete()) == [("rover/driver", first)]
-    word = Ack(LIFE, 8, 8, commanded={"rover": 16, "second": 12})
+    word = Ack(EPISODE, 8, 8, commanded={"rover": 16, "second": 12})
     promises.add("gateway", word)
-    promises.add("rover/imu", Ack(LIFE, 50, 40))
+    promises.add("rover/imu", Ack(EPISODE, 50, 40))
     assert [name for name, _ in promises.take_complete()] == ["rover/imu"]
     promises.commanded("rover", 16)
     promises.commanded("second", 8)

@@ -77,7 +77,7 @@ def drive(episode: Episode, until_tick: int) -> None:
 
 def states(episode: Episode) -> list[State]:
     """Return what a process that joins would hear, as if all episodes were one."""
-    return [replace(decode(payload, State), life=0) for payload in episode._history]
+    return [replace(decode(payload, State), episode=0) for payload in episode._history]
 
 
 def restored(journal: Journal, number: int = 9, publish: Publishers | None = None) -> Episode:
@@ -124,8 +124,8 @@ def test_all_that_is_published_afterwards_is_the_same(scenario: Scenario) -> Non
 
         def publish(message: Message) -> bytes:
             plain = message
-            if hasattr(message, "life"):
-                plain = replace(message, life=0)
+            if hasattr(message, "episode"):
+                plain = replace(message, episode=0)
             said.append(encode(plain))
             return encode(message)
 
@@ -182,7 +182,7 @@ def test_others_go_on_from_their_last_words(scenario: Scenario, mode: Mode) -> N
         assert ticks == list(range(HISTORY_TICKS + 40, HISTORY_TICKS + 101))
         newcomers = again.history_for("rover/newcomer")
         assert len(newcomers) == (0 if mode == "realtime" else 1 + HISTORY_TICKS)
-        assert {decode(payload, State).life for payload in missed} == {9}
+        assert {decode(payload, State).episode for payload in missed} == {9}
         again.end()
 
 

@@ -27,7 +27,7 @@ def saved() -> Journal:
     return Journal(
         made_on=this_platform(),
         run="run",
-        life=1,
+        episode=1,
         epoch_nanos=0,
         scenario=load(LAB),
         tick=9,

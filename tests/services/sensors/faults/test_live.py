@@ -154,7 +154,7 @@ def test_a_new_life_of_physics_begins_without_live_faults() -> None:
     bench.ask(Stuck())
     bench.take(50, 60)
     for state in states(range(60)):
-        bench.live.take(replace(state, life=7, epoch_nanos=7))
+        bench.live.take(replace(state, episode=7, epoch_nanos=7))
     kinds = [[fault.kind for fault in told.active] for told in bench.told]
     assert kinds == [["bias"], ["bias", "stuck"], ["bias"]]
     assert (bench.told[2].tick, bench.told[2].stamp_nanos) == (20, 7 + 20 * 2_500_000)

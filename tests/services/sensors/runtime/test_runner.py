@@ -40,7 +40,7 @@ class EveryFortyTicks:
         if state.tick % PERIOD == 0:
             if self._settled >= 0:
                 stamp = state.epoch_nanos + (state.tick - PERIOD) * TICK_NANOS
-                yield Clock(stamp, state.epoch_nanos, state.tick, state.life)
+                yield Clock(stamp, state.epoch_nanos, state.tick, state.episode)
             self._settled = state.tick
 
     def settled_tick(self) -> int:
@@ -237,7 +237,7 @@ def test_a_new_life_hears_nothing_of_the_one_before(bench: Bench) -> None:
 
 def test_progress_is_told_with_what_is_settled(bench: Bench) -> None:
     bench.take(range(101))
-    told = [(ack.life, ack.tick, ack.settled_tick) for ack in bench.acks]
+    told = [(ack.episode, ack.tick, ack.settled_tick) for ack in bench.acks]
     assert told == [(0, 0, 0), (0, ACK_TICKS, 40), (0, 2 * ACK_TICKS, 80)]
 
 
