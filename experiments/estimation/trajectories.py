@@ -34,7 +34,7 @@ class Trajectory:
 
     @property
     def length_m(self) -> float:
-        """Length of the way."""
+        """Length of the path."""
         return float(np.linalg.norm(np.diff(self.positions_m, axis=0), axis=1).sum())
 
     def between(self, first_s: float, last_s: float) -> Trajectory:

@@ -107,7 +107,7 @@ def with_fault(bag: Path, out: Path, fault: BagFault) -> int:
     bag
         MCAP file with ROS 2 messages.
     out
-        where there is no file yet.
+        path of the new file.
     """
     changed = 0
     file = RosFile(out)

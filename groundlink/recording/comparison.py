@@ -20,25 +20,25 @@ from .differences import message_difference
 from .reader import RecordedMessage
 
 WAIT_NANOS = 10 * NANOS
-"""How far the run may be ahead of a message that was recorded and has not come again."""
+"""Maximum lead of the run over a recorded message that has not been repeated."""
 
 
 class FirstDifference(Struct, frozen=True):
     """The first difference of a topic."""
 
     nanos: int
-    """Log time: the run's time."""
+    """Log time, in the time of the run."""
 
     number: int
-    """Of the message among those of its topic that were recorded, from 1 on; where it was not
-    recorded, of the next one; 0 where all of the topic differs."""
+    """Number of the recorded message within its topic, from 1; of the next one for a new message;
+    0 if the whole topic differs."""
 
     words: str
-    """The field and both values."""
+    """The field and both values, as text."""
 
 
 class TopicComparison(Struct, kw_only=True):
-    """What became of one topic."""
+    """Result of the comparison of one topic."""
 
     topic: str
     type: str
@@ -46,16 +46,16 @@ class TopicComparison(Struct, kw_only=True):
     equal: int = 0
     different: int = 0
     missing: int = 0
-    """Recorded, and not there again."""
+    """Messages recorded and not repeated."""
 
     new: int = 0
-    """There again, and not recorded."""
+    """Messages repeated and not recorded."""
 
     left_out: dict[str, int] = {}
-    """There again, and left out at that time for causes that were recorded."""
+    """Repeated messages whose recording was missing for a recorded cause, by cause."""
 
     ragged: int = 0
-    """There again, and under way when the recording began or was ended."""
+    """Repeated messages in transit when the recording began or ended."""
 
     first: FirstDifference | None = None
 
@@ -66,28 +66,28 @@ class TopicComparison(Struct, kw_only=True):
 
 
 class ComparedSpan(NamedTuple):
-    """What of a recording is compared."""
+    """Compared time span of a recording."""
 
     first_nanos: int
     end_nanos: int
-    """Of the first message that is not."""
+    """End of the span, exclusive."""
 
     whole_from_nanos: int
-    """What is earlier may not have been heard yet when the recording began."""
+    """Messages before may be missing, since subscriptions were not yet active."""
 
     whole_to_nanos: int
-    """What is later may have been under way when the recording was ended."""
+    """Messages after may be missing, since they were in transit at the end."""
 
 
 class Comparison:
-    """Compares what comes with what was recorded.
+    """Compares the messages of a run with a recording.
 
     Parameters
     ----------
     recorded
-        what is to be compared, in the order of time.
+        recorded messages in order of time.
     left_out
-        says for a topic and an instant why no message was published then; None for no reason.
+        returns why a topic has no message of an instant; None for no known cause.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class Comparison:
         self._topics: dict[str, _Topic] = {}
 
     def declare(self, topic: str, ros_type: str, is_recorded: bool) -> None:
-        """Take note of a topic of the run, whether something comes of it or not."""
+        """Declare a topic of the run, with or without messages."""
         if not is_recorded:
             found = self._topic(topic, ros_type)
             found.note(self._extent.first_nanos, 0, "the topic is not in the recording")
@@ -116,7 +116,7 @@ class Comparison:
             self._judge_new(found, topic, nanos)
 
     def verdicts(self) -> list[TopicComparison]:
-        """Return what became of every topic, when nothing more will come."""
+        """Finish the comparison and return the result of every topic."""
         self._read_to(self._extent.end_nanos)
         for topic in self._topics.values():
             topic.give_up(self._extent.end_nanos)
@@ -137,7 +137,7 @@ class Comparison:
         found.note(nanos, found.number + 1, "not recorded, and there again")
 
     def _read_to(self, nanos: int) -> None:
-        """Read what was recorded up to an instant."""
+        """Read the recording up to an instant."""
         while (recorded := self._next) is not None and recorded.nanos <= nanos:
             self._next = next(self._recorded, None)
             if recorded.nanos < self._extent.end_nanos:
@@ -151,27 +151,27 @@ class Comparison:
 
 
 class _Topic:
-    """One topic, and what of it was recorded and has not come again yet."""
+    """State of one topic with its recorded messages not yet repeated."""
 
     def __init__(self, verdict: TopicComparison) -> None:
         self.verdict = verdict
         self._waiting: deque[tuple[int, bytes]] = deque()
         self.number = 0
-        """Of the last message that was recorded and judged."""
+        """Number of the last recorded message compared."""
 
     @property
     def has_ended(self) -> bool:
-        """Whether, as far as the recording has been read, nothing more was recorded."""
+        """Whether no recorded message is left, as far as the recording has been read."""
         return not self._waiting
 
     def expect(self, nanos: int, cdr: bytes) -> None:
-        """Take note of what was recorded; what did not come again for long will not come."""
+        """Add a recorded message, and give up on messages older than `WAIT_NANOS`."""
         self.verdict.recorded += 1
         self._waiting.append((nanos, cdr))
         self.give_up(nanos - WAIT_NANOS)
 
     def give_up(self, before_nanos: int) -> None:
-        """Count as missing what was recorded before an instant and has not come again."""
+        """Count recorded messages before an instant as missing."""
         while self._waiting and self._waiting[0][0] < before_nanos:
             nanos, _ = self._waiting.popleft()
             self.number += 1
@@ -179,7 +179,7 @@ class _Topic:
             self.note(nanos, self.number, "recorded, and not there again")
 
     def take(self, nanos: int, cdr: bytes) -> bool:
-        """Compare a message; return False where none was recorded of that instant."""
+        """Compare a message; return False if none of that instant was recorded."""
         self.give_up(nanos)
         if not self._waiting or self._waiting[0][0] > nanos:
             return False

@@ -19,10 +19,10 @@ from rosbags.serde import SerdeError
 from groundlink.ros.types import STORE
 
 _NAMES = ("child_frame_id", "name", "key", "kind")
-"""Fields by which a part of a list is called."""
+"""Fields that name an element of a list."""
 
 _POINT_TYPES = ("", "i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8")
-"""By sensor_msgs/PointField's number of a type."""
+"""numpy type by sensor_msgs/PointField datatype."""
 
 _PIXEL_TYPES = {
     "rgb8": ("u1", 3),
@@ -31,22 +31,22 @@ _PIXEL_TYPES = {
     "16UC1": ("<u2", 1),
     "32FC1": ("<f4", 1),
 }
-"""By encoding: the type of a channel, and how many a pixel has."""
+"""Type of a channel and channels of a pixel, by encoding."""
 
 
 class Difference(NamedTuple):
     """The first field in which two values differ."""
 
     field: str
-    """Its path, such as `pose.pose.position.x`; empty where the values are no parts of others."""
+    """Path of the field, such as `pose.pose.position.x`; empty for the values themselves."""
 
     recorded: str
     again: str
     of: tuple[str, ...] = ()
-    """What the parts of lists are called that lead there."""
+    """Names of the list elements along the path."""
 
     more: str = ""
-    """How much else of the same field differs."""
+    """Extent of further differences in the field."""
 
     def __str__(self) -> str:
         of = f" ({', '.join(self.of)})" if self.of else ""
@@ -55,7 +55,7 @@ class Difference(NamedTuple):
 
 
 def message_difference(ros_type: str, recorded: bytes, again: bytes) -> Difference:
-    """Return where two bodies that are not equal differ.
+    """Return the first difference of two unequal bodies.
 
     Parameters
     ----------
@@ -66,12 +66,12 @@ def message_difference(ros_type: str, recorded: bytes, again: bytes) -> Differen
         old, new = (STORE.deserialize_cdr(body, ros_type) for body in (recorded, again))
         found = first_difference(old, new)
     except (SerdeError, ValueError, IndexError, KeyError, struct.error):
-        found = None  # bytes that are no such message
+        found = None  # not a message of this type
     return found or _in_bytes("body", recorded, again)
 
 
 def first_difference(recorded: Any, again: Any) -> Difference | None:
-    """Return where two messages, or what dicts and lists hold, differ; None for nowhere."""
+    """Return the first difference of messages, dicts or lists; None if they are equal."""
     return next(_differences(recorded, again, "", ()), None)
 
 
@@ -106,7 +106,7 @@ def _bits(value: object) -> object:
 
 
 def _name_of(part: object) -> Iterator[str]:
-    """Yield what a part of a list is called, if it has a name."""
+    """Yield the name of a list element, if it has one."""
     for field in _NAMES:
         name = part.get(field) if isinstance(part, Mapping) else getattr(part, field, None)
         if isinstance(name, str):
@@ -137,7 +137,7 @@ def _in_array(
 
 
 class _Unit(NamedTuple):
-    """What the bytes of a message are made of, and which of it a byte belongs to."""
+    """The number of a point or pixel that a byte belongs to."""
 
     words: str
     dtype: str
@@ -151,7 +151,7 @@ class _Unit(NamedTuple):
 
 
 def _in_unit(path: str, message: Any, old: bytes, new: bytes) -> Difference | None:
-    """Return which number of a point or a pixel differs; None where the bytes are neither."""
+    """Return the difference as a number of a point or pixel; None for other bytes."""
     find = _UNITS.get(message.__msgtype__)
     unit = find(message, _first_byte(old, new)) if find and len(old) == len(new) else None
     if unit is None:
@@ -194,7 +194,7 @@ _UNITS = {"sensor_msgs/msg/PointCloud2": _point, "sensor_msgs/msg/Image": _pixel
 
 
 def _in_bytes(path: str, old: bytes, new: bytes) -> Difference:
-    """Return the first byte in which two that are not equal differ."""
+    """Return the first differing byte of unequal bytes."""
     first = _first_byte(old, new)
     if len(old) == len(new):
         return Difference(f"{path}: byte {first} of {len(old)}", str(old[first]), str(new[first]))
@@ -203,14 +203,14 @@ def _in_bytes(path: str, old: bytes, new: bytes) -> Difference:
 
 
 def _first_byte(old: bytes, new: bytes) -> int:
-    """Return the place of the first byte that differs; the shorter one's end if there is none."""
+    """Return the offset of the first differing byte, or the end of the shorter bytes."""
     size = min(len(old), len(new))
     differ = np.frombuffer(old, np.uint8, size) != np.frombuffer(new, np.uint8, size)
     return int(differ.argmax()) if differ.any() else size
 
 
 def _texts(old: object, new: object) -> tuple[str, str]:
-    """Return two values that differ so that they can be told apart."""
+    """Return two different values as distinguishable texts."""
     short = _short(old), _short(new)
     return short if short[0] != short[1] else (repr(old), repr(new))
 

@@ -59,22 +59,22 @@ _MOST_PARTS = os.sysconf("SC_IOV_MAX")
 
 
 class _Chunk:
-    """The chunk that is being filled. Its memory is used again for the next one."""
+    """The current chunk; its memory is reused."""
 
     def __init__(self) -> None:
         self._buffer = bytearray(CHUNK_BYTES)
         self.clear()
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Start an empty chunk."""
         self.size = 0
         self.first_nanos = 2**64 - 1
         self.last_nanos = 0
         self.index: dict[int, list[int]] = {}
-        """By channel: log time and place of each message, one after the other."""
+        """Log time and offset of each message in turn, by channel."""
 
     def plain(self) -> memoryview:
-        """Return what it holds."""
+        """Return the uncompressed chunk."""
         return memoryview(self._buffer)[: self.size]
 
     def add(self, part: bytes | memoryview) -> None:
@@ -88,12 +88,12 @@ class _Chunk:
 
 @dataclass(frozen=True)
 class _Tail:
-    """What makes a file whole, wherever it stands."""
+    """The end of a file, at any offset."""
 
     name: str = ""
     metadata: bytes = b""
     summary: bytes = b""
-    """Without the index of the metadata, the only record that depends on the place."""
+    """Summary without the metadata index, which depends on the offset."""
 
     def at(self, place: int) -> bytes:
         """Return the bytes of the tail that begins at `place`."""
@@ -112,12 +112,12 @@ class _Tail:
 
 
 class McapFile:
-    """A new file, open for messages.
+    """A new MCAP file.
 
     Parameters
     ----------
     path
-        where there is no file yet.
+        path of the new file.
     profile
         what the header says of the kind of messages.
     library
@@ -135,10 +135,10 @@ class McapFile:
         self._chunk = _Chunk()
         self._unwritten: list[bytes] = [MAGIC, _bytes_of(Header(profile, library))]
         self._end = sum(map(len, self._unwritten))
-        """Where the next chunk will begin."""
+        """Offset of the next chunk."""
 
         self._written = 0
-        """How much of the file is chunks and is there for good."""
+        """Size of the chunks on disk."""
 
         self._tail = _Tail()
         self._size = 0
@@ -161,11 +161,11 @@ class McapFile:
 
     @property
     def size_bytes(self) -> int:
-        """What the file takes on disk, without what is not yet committed."""
+        """Size of the committed file."""
         return self._size
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
-        """Declare a kind of message; return its number."""
+        """Declare a schema; return its number."""
         number = len(self._schemas) + 1
         record = _bytes_of(Schema(id=number, name=name, encoding=encoding, data=data))
         self._schemas[number] = record
@@ -193,7 +193,7 @@ class McapFile:
         return number
 
     def add_metadata(self, name: str, entries: Mapping[str, str]) -> None:
-        """Write metadata that hold for the whole file."""
+        """Write a metadata record."""
         record = _bytes_of(Metadata(name=name, metadata=dict(entries)))
         index = MetadataIndex(offset=self._end, length=len(record), name=name)
         self._metadata_indexes += _bytes_of(index)
@@ -201,7 +201,7 @@ class McapFile:
         self._append(record)
 
     def add_attachment(self, name: str, media_type: str, nanos: int, data: bytes) -> None:
-        """Write a file into the file, which says at what time it was made."""
+        """Write an attachment with its time."""
         record = _bytes_of(
             Attachment(
                 create_time=nanos, log_time=nanos, name=name, media_type=media_type, data=data
@@ -240,12 +240,12 @@ class McapFile:
             self.close_chunk()
 
     def commit(self, name: str, entries: Mapping[str, str]) -> None:
-        """Make the file whole on disk, with metadata that the next commit replaces.
+        """Complete the file on disk, with metadata that the next commit replaces.
 
         Raises
         ------
         OSError
-            when it cannot be written, say for want of room; the file is then what it was before.
+            when it cannot be written; the file then stays as before.
         """
         self.close_chunk()
         place = self._end
@@ -275,7 +275,7 @@ class McapFile:
         self._end += len(record)
 
     def close_chunk(self) -> None:
-        """Compress what the chunk holds and append it with its indexes; without messages, wait."""
+        """Compress the chunk and append it with its indexes; do nothing without messages."""
         chunk = self._chunk
         if not chunk.index:
             return
@@ -315,7 +315,7 @@ class McapFile:
         chunk.clear()
 
     def _new_tail(self, name: str, entries: Mapping[str, str]) -> _Tail:
-        """Return what stands behind all chunks that are closed."""
+        """Return the tail for all closed chunks."""
         statistics = replace(self._statistics, metadata_count=self._statistics.metadata_count + 1)
         groups = (
             *self._schemas.values(),
@@ -337,7 +337,7 @@ def _bytes_of(record: McapRecord) -> bytes:
 
 
 def _write(file: int, parts: Sequence[bytes], place: int) -> None:
-    """Write all bytes at a place, in as few calls as the kernel takes."""
+    """Write parts at an offset, in as few system calls as possible."""
     waiting = [memoryview(part) for part in parts]
     while waiting:
         count = os.pwritev(file, waiting[:_MOST_PARTS], place)

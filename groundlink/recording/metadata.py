@@ -32,28 +32,28 @@ JOURNAL_ATTACHMENT = "groundlink.journal"
 _UNKNOWN = re.compile(
     r"Object contains unknown field `(?P<field>[^`]+)`(?: - at `\$(?P<path>(?:\.\w+|\[\d+\])*)`)?"
 )
-"""What msgspec says of a field that a type does not have, where its place can be told."""
+"""msgspec's error for an unknown field with its path."""
 
 _PACKAGES = ("eclipse-zenoh", "mcap", "msgspec", "numpy", "pybullet", "embreex", "rosbags")
 
 
 class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
-    """The run that a file holds."""
+    """Facts about the recorded run."""
 
     run: str
     scenario: Scenario
-    """Resolved: nothing else is needed to build its world."""
+    """Resolved scenario, sufficient to build the world."""
 
     epoch_nanos: int
     """Stamp of sim time zero."""
 
     world_hash: str
     versions: dict[str, str]
-    """Of Groundlink, Python and the packages, as the recorder had them."""
+    """Versions of Groundlink, Python and packages of the recorder."""
 
 
 class TopicFacts(msgspec.Struct, frozen=True, kw_only=True):
-    """What a file holds of one topic."""
+    """Statistics of one recorded topic."""
 
     type: str
     messages: int
@@ -63,13 +63,13 @@ class TopicFacts(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def measured_hz(self) -> float | None:
-        """Counted in stamps, from the first to the last."""
+        """Rate by stamps, from the first message to the last."""
         span = self.last_nanos - self.first_nanos
         return (self.messages - 1) * 1e9 / span if span > 0 else None
 
 
 def describe_run(scenario: Scenario, run: str, epoch_nanos: int) -> RunFacts:
-    """Return what is known of a run when its recording begins."""
+    """Return the facts of a run for the begin of its recording."""
     return RunFacts(
         run=run,
         scenario=scenario,
@@ -80,7 +80,7 @@ def describe_run(scenario: Scenario, run: str, epoch_nanos: int) -> RunFacts:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of what is installed here."""
+    """Return the versions of the installed software."""
     found = {"groundlink": __version__, "python": platform.python_version()}
     for package in _PACKAGES:
         try:
@@ -98,12 +98,12 @@ def run_entries(run: RunFacts) -> dict[str, str]:
 def run_facts(entries: Mapping[str, str]) -> RunFacts:
     """Return the facts that a metadata record holds.
 
-    Fields of a scenario that another version wrote and this one does not have are left out.
+    Unknown scenario fields, written by another version, are dropped.
 
     Raises
     ------
     msgspec.MsgspecError
-        when it does not hold them.
+        when the record is invalid.
     """
     plain: dict[str, Any] = dict(entries)
     for name in ("scenario", "versions"):
@@ -119,7 +119,7 @@ def run_facts(entries: Mapping[str, str]) -> RunFacts:
 
 
 def _drop_unknown(plain: dict[str, Any], error: str) -> bool:
-    """Delete the field that msgspec calls unknown; return False for any other error."""
+    """Delete an unknown field; return False for any other error."""
     found = _UNKNOWN.fullmatch(error)
     if found is None:
         return False

@@ -17,19 +17,19 @@ from groundlink.scenario.sensors import Encoders, WheelOdometry
 from .reader import Recording
 
 RECORDER_BEHIND = "recorder behind"
-"""The cause of what came faster than it could be written."""
+"""Cause of messages dropped because the recorder could not keep up."""
 
 _STATES_MISSED: tuple[Cause, ...] = ("not there", "restarted", "states lost", "overloaded")
-"""Causes for which a sensor's process did not see all states."""
+"""Causes that imply missed states in the sensor's process."""
 
 LeftOut = Callable[[str, int], str | None]
-"""Says why a topic has no message of an instant; None for no reason."""
+"""Returns why a topic has no message of an instant; None for no known cause."""
 
 
 def left_out(recording: Recording) -> LeftOut:
-    """Return what knows which messages were missing when the recording was made.
+    """Return a function that explains missing messages of a recording.
 
-    Of those that a recorder was too slow for it only knows how many they were, and counts.
+    For messages that the recorder dropped only their number is known; they are counted down.
     """
     scenario = recording.run.scenario
     behind = Counter(recording.dropped)
@@ -56,10 +56,10 @@ def left_out(recording: Recording) -> LeftOut:
 
 
 def accumulating_topics(recording: Recording) -> dict[str, str]:
-    """Return the topics that need not come again with the same bytes, with the reason of each.
+    """Return the topics that are not reproducible byte by byte, with the reason of each.
 
-    What adds up from reading to reading begins at the first state that its process saw, and goes
-    over those that it did not see in one step. Then it saw others than a process that sees all.
+    Readings that accumulate depend on the states that the process received; a process that missed
+    states accumulates differently.
     """
     found: dict[str, str] = {}
     run, clock = recording.run, recording.topics.get(CLOCK_TOPIC)
@@ -82,6 +82,6 @@ def accumulating_topics(recording: Recording) -> dict[str, str]:
 
 
 def messages_of(recording: Recording, topic: str, message: type[M]) -> Iterator[M]:
-    """Yield what was recorded of a topic whose recorded form can be read back."""
+    """Yield the recorded messages of a topic as messages of the bus."""
     for recorded in recording.read([topic]):
         yield from_cdr(recorded.cdr, message, Moment(recorded.nanos, recording.run.epoch_nanos))

@@ -26,13 +26,13 @@ from .reader import RecordedMessage, Recording
 
 
 class TimedMessage(NamedTuple):
-    """A message of the bus and when it goes out."""
+    """A message of the bus with its due time."""
 
     nanos: int
     """The run's time."""
 
     rank: int
-    """Among what is due at once: lower goes first."""
+    """Order among messages due at the same time."""
 
     number: int
     key: str
@@ -40,12 +40,12 @@ class TimedMessage(NamedTuple):
 
 
 class Playback:
-    """Some streams of a recording.
+    """Playback of some streams of a recording.
 
     Parameters
     ----------
     streams
-        those of the run; what the recording lacks is left out.
+        streams of the run; those not recorded are left out.
     """
 
     def __init__(self, recording: Recording, streams: Iterable[RosStream]) -> None:
@@ -56,10 +56,10 @@ class Playback:
         """By topic."""
 
         self.refused = 0
-        """Messages that are not what their topic says."""
+        """Messages that do not match the type of their topic."""
 
     def play(self, from_nanos: int) -> Iterator[TimedMessage]:
-        """Return what is due from an instant on, in that order."""
+        """Yield messages due from an instant on, in order."""
         return itertools.dropwhile(
             lambda due: not isinstance(due.message, Clock), self._sorted(from_nanos)
         )
@@ -95,7 +95,7 @@ class Playback:
 
 
 def _takes_nanos(stream: RosStream) -> int:
-    """Return how long one message of a stream is measured, from its stamp on."""
+    """Return the duration of a measurement after its stamp."""
     if stream.message is PointCloud and isinstance(stream, Outgoing):
         return round(NANOS / stream.declared_hz)
     return 0

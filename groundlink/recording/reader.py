@@ -37,10 +37,10 @@ from .metadata import (
 
 
 class RecordedMessage(NamedTuple):
-    """A message of a recording."""
+    """A recorded message."""
 
     nanos: int
-    """Log time: the run's time."""
+    """Log time, in the time of the run."""
 
     topic: str
     ros_type: str
@@ -48,12 +48,12 @@ class RecordedMessage(NamedTuple):
 
 
 class Recording:
-    """A file with a run, open for reading.
+    """A recording, open for reading.
 
     Raises
     ------
     UserError
-        when there is no such file, or it is no recording of a run.
+        when the file is missing, or is no recording of a run.
     """
 
     def __init__(self, path: Path) -> None:
@@ -84,16 +84,16 @@ class Recording:
             )
         self.run: RunFacts = run_facts(records[RUN_RECORD])
         self.topics: dict[str, TopicFacts] = topic_facts(records.get(TOPICS_RECORD, {}))
-        """By name, as the recorder counted them."""
+        """Statistics by topic, as counted by the recorder."""
 
         end = records.get(END_RECORD)
         self.end_nanos: int | None = None if end is None else int(end["nanos"])
-        """All is there that has an earlier stamp; None where the recording was ended early."""
+        """The recording is complete up to this stamp; None if it was ended early."""
 
         self.dropped: dict[str, int] = {
             topic: int(count) for topic, count in records.get(DROPPED_RECORD, {}).items()
         }
-        """Messages by topic that came faster than the recorder could write."""
+        """Messages dropped by the recorder, by topic."""
 
         self.messages: int = summary.statistics.message_count
         self.first_nanos: int = summary.statistics.message_start_time
@@ -102,7 +102,7 @@ class Recording:
             channel.topic: summary.schemas[channel.schema_id].name
             for channel in summary.channels.values()
         }
-        """ROS type by topic, of all that were declared."""
+        """ROS type by declared topic."""
 
     def __enter__(self) -> Recording:
         return self
@@ -121,12 +121,12 @@ class Recording:
 
     @cached_property
     def journal(self) -> Journal | None:
-        """The run's journal as far as it is there; None for not at all.
+        """The recorded part of the run's journal, or None.
 
         Raises
         ------
         UserError
-            when it is damaged, or another version's.
+            when it is damaged or of another version.
         """
         found: Journal | None = None
         for attachment in self._reader.iter_attachments():
@@ -137,13 +137,13 @@ class Recording:
 
     @property
     def started_as(self) -> Scenario:
-        """The scenario as it was at tick 0, as far as that is known."""
+        """The scenario at tick 0, as far as known."""
         return self.journal.scenario if self.journal else self.run.scenario
 
     def read(
         self, topics: Sequence[str] | None = None, *, from_nanos: int | None = None
     ) -> Iterator[RecordedMessage]:
-        """Return the messages of some topics, or of all, in the order of their times.
+        """Yield the messages of some topics, or of all, in order of time.
 
         Raises
         ------
@@ -161,7 +161,7 @@ class Recording:
 
 
 def _reason(error: Exception) -> str:
-    """Return in words what a reader met in a file."""
+    """Return the reason of a read error as text."""
     if isinstance(error, EndOfFile | struct.error):
         return "it ends too early"
     if isinstance(error, InvalidMagic):

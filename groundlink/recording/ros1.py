@@ -26,7 +26,7 @@ for _name, _definition in {
     NOETIC.register(get_types_from_msg(_definition, _name))
 
 _ADDED_BYTES = {"sensor_msgs/msg/Range": 4}
-"""By type: what ROS 2 has at its end and ROS 1 has not, here the variance."""
+"""Bytes at the end of a type that ROS 1 lacks (the variance of Range)."""
 
 
 def to_ros1(ros_type: str, cdr: bytes | memoryview) -> memoryview:

@@ -26,7 +26,7 @@ from .metadata import (
 PROFILE = "ros2"
 
 ROSBAG2_METADATA = ("rosbag2", {"ROS_DISTRO": "kilted"})
-"""Whose definitions these are."""
+"""ROS distribution of the definitions."""
 
 _INFINITE = "{sec: 9223372036, nsec: 854775807}"
 
@@ -51,7 +51,7 @@ def _qos(durability: int, depth: int) -> str:
 
 PLAIN_QOS = _qos(_VOLATILE, 10)
 LATCHED_QOS = _qos(_TRANSIENT_LOCAL, 1)
-"""Of what is published once and kept for those that come late."""
+"""QoS of latched topics."""
 
 
 class RosFile:
@@ -60,7 +60,7 @@ class RosFile:
     Parameters
     ----------
     path
-        where there is no file yet.
+        path of the new file.
 
     Raises
     ------
@@ -75,7 +75,7 @@ class RosFile:
         self._topics: dict[tuple[str, str], RecordedTopic] = {}
 
     def topic(self, name: str, ros_type: str, *, latched: bool = False) -> RecordedTopic:
-        """Return the topic of this name and type; it is declared at the first call."""
+        """Return the topic of a name and type, declared at the first call."""
         known = self._topics.get((name, ros_type))
         if known is None:
             if ros_type not in self._schemas:
@@ -89,16 +89,16 @@ class RosFile:
         return known
 
     def topics(self) -> list[RecordedTopic]:
-        """Return every topic that was declared, in that order."""
+        """Return all topics in order of declaration."""
         return list(self._topics.values())
 
     @property
     def size_bytes(self) -> int:
-        """What the file takes on disk, without what is not yet committed."""
+        """Size of the committed file."""
         return self.mcap.size_bytes
 
     def commit(self, declared_hz: Mapping[str, float | None]) -> None:
-        """Make the file whole with all that was written; rates are by topic.
+        """Commit all written messages; rates are by topic.
 
         Raises
         ------
@@ -118,15 +118,15 @@ class RosFile:
         self.mcap.commit(TOPICS_RECORD, topic_entries(topics))
 
     def add_journal(self, nanos: int, part: bytes) -> None:
-        """Attach a part of the run's journal, as a file of `groundlink.journal` has it."""
+        """Attach a part of the run's journal."""
         self.mcap.add_attachment(JOURNAL_ATTACHMENT, "application/octet-stream", nanos, part)
 
     def end(self, nanos: int) -> None:
-        """Say that all is there that has an earlier stamp."""
+        """Record that the file is complete up to a stamp."""
         self.mcap.add_metadata(END_RECORD, {"nanos": str(nanos)})
 
     def lacks(self, dropped: Mapping[str, int]) -> None:
-        """Say how many messages of each topic came faster than they could be written."""
+        """Record the number of dropped messages of each topic."""
         entries = {topic: str(count) for topic, count in dropped.items()}
         self.mcap.add_metadata(DROPPED_RECORD, entries)
 
@@ -136,7 +136,7 @@ class RosFile:
 
 
 class RecordedTopic:
-    """A topic of the file, and what was written to it."""
+    """A topic of the file with its statistics."""
 
     def __init__(self, mcap: McapFile, channel: int, name: str, ros_type: str) -> None:
         self._mcap = mcap

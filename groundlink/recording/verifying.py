@@ -41,20 +41,20 @@ from .missing_readings import messages_of
 from .reader import RecordedMessage, Recording
 
 UNDER_WAY_NANOS = NANOS
-"""How long before the end of a recording that was ended early a reading may have begun that is not
-in it; and how long it may take until all topics are heard of a run that a recorder joins."""
+"""Maximum time in transit at the end of a recording that was ended early, and until all
+subscriptions of a late recorder are active."""
 
 ENDLESS_TICK = 2**62
-"""Which no run comes to."""
+"""Beyond any run."""
 
 
 def compared_span(recording: Recording) -> ComparedSpan:
-    """Return what of a recording can be compared: up to its end, or to that of its journal.
+    """Return the comparable span of a recording, up to its end or that of its journal.
 
     Raises
     ------
     UserError
-        when that is nothing.
+        when nothing can be compared.
     """
     clock = recording.topics.get(CLOCK_TOPIC)
     if clock is None or not clock.messages:
@@ -76,33 +76,33 @@ def compared_span(recording: Recording) -> ComparedSpan:
 
 
 def silent_sensors(recording: Recording, scenario: Scenario) -> list[str]:
-    """Return the sensors of a scenario of which nothing was recorded, not even a fault."""
+    """Return the sensors without any recorded message."""
     heard = {name for name, topic in recording.topics.items() if topic.messages}
     return [name for name in scenario.sensor_names() if heard.isdisjoint(_topics(scenario, name))]
 
 
 def _topics(scenario: Scenario, sensor: str) -> list[str]:
-    """Return what a sensor publishes in a recording."""
+    """Return the recorded topics of a sensor."""
     pair = scenario.sensor(sensor)
     outputs = sensor_outputs(pair[1]) if pair else []
     return [*(output.ros_topic for output in outputs), faults_topic(sensor)]
 
 
 def with_later_vehicles(recording: Recording, scenario: Scenario) -> Scenario:
-    """Return a scenario with the vehicles that a run got before its recording began."""
+    """Return a scenario with the vehicles added before the recording began."""
     known = {vehicle.name for vehicle in recording.started_as.vehicles}
     later = (v for v in recording.run.scenario.vehicles if v.name not in known)
     return replace(scenario, vehicles=(*scenario.vehicles, *later))
 
 
 def later_sensors(recording: Recording) -> list[str]:
-    """Return the sensors of those vehicles: nobody starts them."""
+    """Return the sensors of vehicles added later, which are not started."""
     known = recording.started_as.sensor_names()
     return [name for name in recording.run.scenario.sensor_names() if name not in known]
 
 
 def not_compared(recording: Recording) -> dict[str, str]:
-    """Return the topics that need not come out again, with the reason of each."""
+    """Return the topics that are not compared, with the reason of each."""
     scenario, run = recording.run.scenario, recording.run.run
     found = {DIAGNOSTICS_TOPIC: "what processes counted, and how long they took"}
     found |= dict.fromkeys(made_topics(scenario), "made of the scenario and of what is compared")
@@ -129,11 +129,11 @@ def not_compared(recording: Recording) -> dict[str, str]:
 
 
 def compared_messages(recording: Recording) -> Iterator[RecordedMessage]:
-    """Return what has to come again, in the order of time."""
+    """Yield the messages that must be repeated, in order of time."""
     ignored, run = not_compared(recording), recording.run
     due = Schedule.at(run.scenario.time.clock_rate_hz)
     for recorded in recording.read([topic for topic in recording.types if topic not in ignored]):
-        # A run that was restored tells its time at once, whether a clock is due or not.
+        # A restored run publishes its clock at once, even if none is due.
         is_clock = recorded.topic == CLOCK_TOPIC
         if not is_clock or _is_due(due, (recorded.nanos - run.epoch_nanos) // TICK_NANOS):
             yield recorded
@@ -145,7 +145,7 @@ def _is_due(schedule: Schedule, tick: int) -> bool:
 
 
 def live_faults(recording: Recording) -> dict[str, tuple[Fault, ...]]:
-    """Return all faults of those sensors that had others than their scenario gives them."""
+    """Return all faults of sensors whose faults were changed at run time."""
     found = {}
     for vehicle in recording.run.scenario.vehicles:
         for sensor in vehicle.sensors:
@@ -157,7 +157,7 @@ def live_faults(recording: Recording) -> dict[str, tuple[Fault, ...]]:
 
 
 def _with_told(known: tuple[Fault, ...], told: Iterator[Faults]) -> tuple[Fault, ...]:
-    """Return the faults of which at every tick those are in effect that were told."""
+    """Return faults that reproduce the reported ones at every tick."""
     for news in told:
         known = (*known, *(fault for fault in news.active if fault not in known))
         known = tuple(
@@ -170,7 +170,7 @@ def _with_told(known: tuple[Fault, ...], told: Iterator[Faults]) -> tuple[Fault,
 
 
 def replay_journal(recording: Recording, scenario: Scenario) -> Journal:
-    """Return the journal by which a scenario goes again the way that the recorded run went."""
+    """Return the journal that repeats the recorded run with a scenario."""
     changed = live_faults(recording)
     vehicles = tuple(
         replace(
@@ -184,13 +184,13 @@ def replay_journal(recording: Recording, scenario: Scenario) -> Journal:
     )
     time = replace(scenario.time, mode="fast", lockstep="sensors", overload="slow")
     again = replace(scenario, vehicles=vehicles, time=time)
-    # What was under way at the end needs some ticks more.
+    # Messages in transit at the end need further ticks.
     journal = recording.journal or _guessed(recording)
     return replace(journal, scenario=again, acks={}, tick=ENDLESS_TICK)
 
 
 def _guessed(recording: Recording) -> Journal:
-    """Return a journal in which each command was taken in at its stamp, as in fast runs."""
+    """Return a journal with each command applied at its stamp, as in fast runs."""
     run, entries = recording.run, []
     streams = {s.topic: s for s in incoming(run.scenario, run.run) if s.is_command}
     for recorded in recording.read([*streams]):
@@ -218,7 +218,7 @@ def _guessed(recording: Recording) -> Journal:
 
 
 def scenario_difference(recorded: Scenario, given: Scenario) -> Difference | None:
-    """Return where scenarios differ in what bytes may depend on; None for nowhere."""
+    """Return the first relevant difference between scenarios, or None."""
     alike = replace(
         given,
         name=recorded.name,
@@ -230,7 +230,7 @@ def scenario_difference(recorded: Scenario, given: Scenario) -> Difference | Non
 
 
 def caveats(recording: Recording, scenario: Scenario, extent: ComparedSpan) -> Iterator[str]:
-    """Yield what is not as it was when the recording was made, and what that means."""
+    """Yield the differences from the conditions of the recording, and their consequences."""
     run, journal, then = recording.run, recording.journal, recording.started_as
     if then.name != scenario.name:
         yield f"of another scenario: `{then.name}` was recorded, this is `{scenario.name}`"

@@ -18,14 +18,14 @@ NEAR_M = 1.0
 
 @dataclass(frozen=True)
 class Passage:
-    """One time that a vehicle came by."""
+    """One passage of a vehicle."""
 
     checkpoint: str
     seconds: float
-    """Of the run."""
+    """Sim time."""
 
     apart_m: float
-    """From the checkpoint to the vehicle's base, on the floor."""
+    """Horizontal distance from the checkpoint to the vehicle's base."""
 
 
 def passages(

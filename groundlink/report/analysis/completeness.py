@@ -20,14 +20,14 @@ from groundlink.messages.missing_readings import CAUSES, Gaps
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import SensorSpec
 
-IN_TRANSIT = "under way"
-"""Too near to the recording's end for its word to be in the file."""
+IN_TRANSIT = "in transit"
+"""Too near to the end of the recording for a report to be in the file."""
 
 RECORDER_BEHIND = "recorder behind"
-"""Came faster than the recorder could write."""
+"""Dropped by the recorder."""
 
-UNEXPLAINED = "not told"
-"""Nobody said why: its process had ended, or something is wrong."""
+UNEXPLAINED = "unexplained"
+"""No cause was reported: the process had ended, or there is a bug."""
 
 _KNOWN = ("", "published", *CAUSES)
 _PUBLISHED = _KNOWN.index("published")
@@ -35,7 +35,7 @@ _PUBLISHED = _KNOWN.index("published")
 
 @dataclass(frozen=True)
 class MissingSpan:
-    """Readings of a stream that follow one another and are missing for one cause."""
+    """Consecutive readings missing for one cause."""
 
     cause: str
     first_nanos: int
@@ -44,13 +44,13 @@ class MissingSpan:
 
 
 class StreamCompleteness:
-    """The account of one stream.
+    """Completeness of one stream.
 
     Parameters
     ----------
     first_nanos, last_nanos, told_nanos
-        Of the recording, as sim time: its first and last message, and the instant up to which all
-        that sensors told of is in it.
+        Sim times of the recording: first and last message, and the instant up to which all reports
+        of sensors are in it.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class StreamCompleteness:
         end = max(self._calendar.at_or_after(last_nanos + 1), self._first)
         self._told = self._calendar.at_or_after(told_nanos)
         self._found: NDArray[np.uint8] = np.zeros(end - self._first, np.uint8)
-        """What is known of each reading, as numbers of `_KNOWN`."""
+        """State of each reading, as an index into `_KNOWN`."""
 
         self._dropped = 0
 
@@ -81,17 +81,17 @@ class StreamCompleteness:
 
     @property
     def published(self) -> int:
-        """How many of them are in the file."""
+        """Number of readings in the file."""
         return int(np.count_nonzero(self._found == _PUBLISHED))
 
     def add(self, nanos: int) -> None:
-        """Take note of a message of this instant."""
+        """Count a message of this instant."""
         reading = self._calendar.at_or_after(nanos) - self._first
         if 0 <= reading < len(self._found):
             self._found[reading] = _PUBLISHED
 
     def add_told(self, told: Gaps, epoch_nanos: int) -> None:
-        """Take note of what the sensor told to be missing."""
+        """Add the missing readings that the sensor reported."""
         for gap in told.gaps:
             if self.output in gap.outputs:
                 first, last = (
@@ -102,20 +102,20 @@ class StreamCompleteness:
                 part[part == 0] = _KNOWN.index(gap.cause)
 
     def dropped(self, count: int) -> None:
-        """Take note that so many messages came faster than the recorder could write."""
+        """Set the number of messages dropped by the recorder."""
         self._dropped = count
 
     def missing(self) -> Counter[str]:
-        """Return how many readings are missing, by cause."""
+        """Return the number of missing readings by cause."""
         counts: Counter[str] = Counter()
         for hole in self.holes():
             counts[hole.cause] += hole.readings
         return counts
 
     def holes(self) -> list[MissingSpan]:
-        """Return all that is missing, in the order of time."""
+        """Return all missing spans in order of time."""
         begins = np.flatnonzero(np.diff(self._found, prepend=self._found[:1] + 1))
-        # What is told up to the end and what is not are two.
+        # Split at the instant up to which reports are complete.
         told = self._told - self._first
         begins = np.union1d(begins, [told] if 0 < told < self.due else [])
         ends = np.append(begins[1:], self.due)
@@ -139,9 +139,9 @@ class StreamCompleteness:
 def stream_completeness(
     scenario: Scenario, *, first_nanos: int, last_nanos: int, epoch_nanos: int
 ) -> list[StreamCompleteness]:
-    """Return the accounts of all streams of a scenario's sensors, for a recording of this span."""
+    """Return the completeness of all sensor streams, for a recording of this span."""
     time = scenario.time
-    # Sensors tell with their progress, and may be a window behind.
+    # Sensors report with their progress, which may lag by a window.
     told_nanos = last_nanos - (time.window_ticks + time.ack_ticks) * TICK_NANOS
     return [
         StreamCompleteness(

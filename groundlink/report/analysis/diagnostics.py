@@ -12,15 +12,15 @@ from typing import Any
 from groundlink.messages.base import StreamReport
 
 PROCESS_FIELDS = ("pid", "host", "tick")
-"""What a process's status holds beside its counters."""
+"""Fields of a process's status that are no counters."""
 
 MAX_AGES = 5_000
-"""Of one stream's ages; then every second one is left out."""
+"""Maximum samples of a stream; beyond, every second sample is dropped."""
 
 
 @dataclass
 class StreamHistory:
-    """One stream between the gateway and the ROS side."""
+    """History of one stream between the gateway and the ROS side."""
 
     last: dict[str, str]
     """The fields of the newest `StreamReport`, as text."""
@@ -30,11 +30,11 @@ class StreamHistory:
 
 
 class RunDiagnostics:
-    """All that was said."""
+    """Diagnostics of all processes and streams of a run."""
 
     def __init__(self) -> None:
         self.processes: dict[str, dict[str, str]] = {}
-        """The last word of each process: place and counters, as text."""
+        """Last status of each process: host, pid and counters, as text."""
 
         self.streams: dict[tuple[str, str], StreamHistory] = {}
         """By topic and direction."""
@@ -67,6 +67,6 @@ class RunDiagnostics:
 
 
 CAUSES = ("missing", "incomplete", "late", "dropped", "superseded")
-"""Fields of `StreamReport` that say why something did not arrive."""
+"""Fields of `StreamReport` with causes of loss."""
 
 assert set(CAUSES) <= set(StreamReport.__struct_fields__)

@@ -19,23 +19,23 @@ MAX_POINTS = 20_000
 
 @dataclass
 class ContactEvent:
-    """A time during which a vehicle touched one thing."""
+    """A contact of a vehicle with one object."""
 
     name: str
     begin_seconds: float
-    """Of the run, of the message that tells it first; 0.1 s exact."""
+    """Sim time of the first message about it, exact to 0.1 s."""
 
     end_seconds: float
     force_n: float
     force_seconds: float
-    """When the force was largest."""
+    """Sim time of the largest force."""
 
     ticks: int
 
 
 @dataclass
 class Energy:
-    """What one vehicle's motors did and what it touched."""
+    """Energy and contacts of one vehicle."""
 
     vehicle: str
     stride: int

@@ -19,7 +19,7 @@ class FaultPeriod:
 
 
 class FaultHistory:
-    """Those of one sensor, in the order in which they began."""
+    """Fault periods of one sensor, in order of begin."""
 
     def __init__(self, sensor: str) -> None:
         self.sensor = sensor
@@ -27,7 +27,7 @@ class FaultHistory:
         self._open: list[FaultPeriod] = []
 
     def add(self, seconds: float, told: Faults) -> None:
-        """Take what its process told at an instant."""
+        """Add the faults reported at an instant."""
         for failure in self._open:
             if failure.fault not in told.active:
                 failure.end_seconds = seconds

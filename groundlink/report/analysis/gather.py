@@ -36,12 +36,12 @@ from .sensors import MAX_SAMPLES, CloudSample, Readings, readings_of
 from .streams import StreamTimes
 
 PROGRESS_MESSAGES = 2_000
-"""How often progress is told."""
+"""Messages between progress updates."""
 
 
 @dataclass
 class RunSummary:
-    """A run, as its page shows it."""
+    """Analyzed run."""
 
     path: Path
     size_bytes: int
@@ -53,14 +53,14 @@ class RunSummary:
     motions: list[VehicleMotion]
     energies: list[Energy]
     readings: dict[str, list[Readings]]
-    """What is plotted of each vehicle's sensors."""
+    """Plotted readings by vehicle."""
 
     cameras: list[CameraThumbnails]
     failures: list[FaultHistory]
     completeness: list[StreamCompleteness]
     diagnostics: RunDiagnostics
     undecodable: int
-    """Messages of decoded topics that do not fit their type."""
+    """Messages that do not match the type of their topic."""
 
     def seconds(self, nanos: int) -> float:
         """Return sim time from a stamp: seconds since the run's start."""
@@ -85,7 +85,7 @@ def gather(recording: Recording, progress: Callable[[float], object]) -> RunSumm
 
 
 class _Taking:
-    """Which message goes where."""
+    """Dispatches messages to the parts of the summary."""
 
     def __init__(self, recording: Recording) -> None:
         run = recording.run
@@ -154,7 +154,7 @@ class _Taking:
                 self.gathered.undecodable += 1
 
     def _decode(self, topic: str, use: Callable[[float, Any], object], every: int) -> None:
-        """Decode every n-th message of a topic and use it with its time."""
+        """Decode every n-th message of a topic and pass it on with its time."""
         stream = self._streams.get(topic)
         if stream is None:
             return
@@ -166,7 +166,7 @@ class _Taking:
         self._handlers[topic] = handler
 
     def _reading(self, sensor: SensorSpec) -> Readings | None:
-        """Keep what is plotted of a sensor's topic, if it has a plot and is in the file."""
+        """Return the plotted readings of a sensor, if it has a plot and was recorded."""
         run = self.gathered
         middle = (run.seconds(run.first_nanos) + run.seconds(run.last_nanos)) / 2
         reading = readings_of(sensor, run.run.scenario.world.datum, middle)

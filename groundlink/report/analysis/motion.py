@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .sensors import heading
 
 MAX_POINTS = 20_000
-"""Of a trajectory: 400 s at 50 Hz are kept whole."""
+"""Maximum points of a trajectory: 400 s at 50 Hz."""
 
 
 @dataclass
@@ -49,12 +49,12 @@ class VehicleMotion:
 
     @property
     def distance_m(self) -> float:
-        """Length of the way."""
+        """Length of the path."""
         track = self.track()
         return float(np.linalg.norm(np.diff(track[:, 1:3], axis=0), axis=1).sum())
 
     def place(self, seconds: float) -> tuple[float, float] | None:
-        """Return x, y at a time; None where nothing is known."""
+        """Return x, y at a time; None without data."""
         track = self.track()
         if not len(track):
             return None
@@ -68,5 +68,5 @@ class VehicleMotion:
 
 
 def stride(messages: int) -> int:
-    """Return of how many messages one is decoded."""
+    """Return n such that every n-th message is decoded."""
     return max(-(-messages // MAX_POINTS), 1)

@@ -18,10 +18,10 @@ from groundlink.world.solids import Box, Mesh, Solid
 from groundlink.world.triangles import merged
 
 FLAT_M = 0.02
-"""What rises no higher is floor."""
+"""Lower solids count as floor."""
 
 OVERHEAD_M = 1.5
-"""What begins higher is passed under."""
+"""Solids above do not obstruct vehicles."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class SolidOutline:
 
 
 def outlines(solids: Sequence[Solid], *, level: bool = True) -> list[SolidOutline]:
-    """Return the outlines of what stands in the way, the lowest first.
+    """Return the outlines of obstacles, the lowest first.
 
-    On ground that is not level, how high above it a solid is is not known here: all are returned.
+    On terrain all solids are returned, since their height above ground is unknown.
     """
     found = []
     for solid in solids:
@@ -52,9 +52,9 @@ def outlines(solids: Sequence[Solid], *, level: bool = True) -> list[SolidOutlin
 
 
 def _footprint(solid: Solid) -> NDArray[np.float64]:
-    """Return points whose hull a solid is from above; of a mesh those of its box.
+    """Return points whose hull is the outline of a solid from above.
 
-    So a report needs no more than its recording, which has no meshes in it.
+    Meshes count as boxes, since a recording holds no mesh assets.
     """
     if isinstance(solid.shape, Mesh):
         size = np.subtract(solid.shape.high_m, solid.shape.low_m)

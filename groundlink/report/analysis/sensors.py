@@ -48,11 +48,11 @@ class ImuSamples:
 
 @dataclass
 class EstimatedTrajectory:
-    """Where a sensor says that its vehicle is."""
+    """Trajectory of a vehicle, estimated by a sensor."""
 
     topic: str
     datum: Datum | None = None
-    """Of fixes; None for odometry."""
+    """Datum of GNSS fixes; None for odometry."""
 
     mount_m: tuple[float, float] = (0.0, 0.0)
     """base_from_antenna, x and y."""
@@ -73,7 +73,7 @@ class EstimatedTrajectory:
     def beside(self, truth: Floats) -> Floats:
         """Return time, x, y (m, world) and the distance to the truth (m), shape (N, 4).
 
-        Odometry is laid on the truth at its first pose. A fix is compared with the antenna's place.
+        Odometry is aligned with the truth at its first pose. A fix is compared with the antenna.
 
         Parameters
         ----------
@@ -142,7 +142,7 @@ Readings = ImuSamples | EstimatedTrajectory | CloudSample
 
 
 def readings_of(sensor: SensorSpec, datum: Datum | None, middle_s: float) -> Readings | None:
-    """Return what keeps a sensor's readings for a plot; None for a kind that has no plot."""
+    """Return the collector of a sensor's readings; None for kinds without a plot."""
     if isinstance(sensor, Imu):
         return ImuSamples(sensor.topic)
     if isinstance(sensor, WheelOdometry):
@@ -212,7 +212,7 @@ def _of_scan(scan: Any) -> tuple[Floats, Floats]:
 
 
 def reach_m(points: Floats, center_m: tuple[float, float]) -> float:
-    """Return within what distance of a place 90 % of points are, in x and y."""
+    """Return the horizontal distance within which 90 % of the points lie."""
     if not len(points):
         return 0.0
     away = [hypot(x - center_m[0], y - center_m[1]) for x, y in points[:, :2].tolist()]

@@ -18,7 +18,7 @@ from groundlink.monitor.run_monitor import RATE_TOLERANCE
 LARGEST_KEPT = 5
 
 GAP_PERIODS = 1.5
-"""A longer time between two messages of a topic with a declared rate is a gap."""
+"""Periods of the declared rate beyond which the time between messages is a gap."""
 
 MAX_BINS = 600
 
@@ -70,7 +70,7 @@ class StreamTimes:
         self.messages = 0
         self.bytes = 0
         self.gaps = 0
-        """How many were longer than `GAP_PERIODS` of the declared rate."""
+        """Number of gaps."""
 
         self._first_nanos, self._last_nanos = first_nanos, last_nanos
         self._bin_nanos = bin_nanos(last_nanos - first_nanos)
@@ -82,7 +82,7 @@ class StreamTimes:
         self._largest: list[StreamGap] = []
 
     def add(self, nanos: int, size_bytes: int) -> None:
-        """Take note of a message."""
+        """Count a message."""
         if self.messages:
             gap = StreamGap(nanos - self._last, self._last)
             if self.declared_hz and gap.nanos > GAP_PERIODS * NANOS / self.declared_hz:
@@ -100,7 +100,7 @@ class StreamTimes:
 
     @property
     def measured_hz(self) -> float | None:
-        """Counted in stamps, from the first message to the last."""
+        """Rate by stamps, from the first message to the last."""
         span = self._last - self._begin
         return (self.messages - 1) * NANOS / span if span > 0 else None
 
@@ -110,20 +110,20 @@ class StreamTimes:
         return sorted(self._largest, reverse=True)
 
     def bins(self) -> Bins | None:
-        """Return what came in each bin of time; None without a declared rate."""
+        """Return the state of each bin of time; None without a declared rate."""
         if not self.declared_hz:
             return None
         span = (self._last_nanos - self._first_nanos) / NANOS
         edges = np.minimum(np.arange(len(self.counts) + 1) * (self._bin_nanos / NANOS), span)
         expected = self.declared_hz * np.diff(edges)
         lack = np.abs(self.counts - expected)
-        # A rate that does not fit a bin gives one more or less; the last bin has both its ends.
+        # Bins may hold one message more or less; the last bin includes both ends.
         kept = (lack < 1 - 1e-6) | (lack <= RATE_TOLERANCE * expected)
         kept[-1] |= lack[-1] < 1 + 1e-6
         return Bins(edges, kept, self.counts == 0)
 
     def unkept(self) -> list[tuple[float, float]]:
-        """Return the spans of bins that lack messages or have too many, in seconds."""
+        """Return the spans of bins off the declared rate, in seconds."""
         found: list[tuple[float, float]] = []
         if (bins := self.bins()) is None:
             return found

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 
 SHOWN = 6
-"""Pictures of a camera."""
+"""Pictures shown of a camera."""
 
 WIDTH_PX = 320
 MAX_COMPRESSED_BYTES = 400_000
-"""A compressed picture goes into the page as it is, unless it is larger."""
+"""Maximum size of a compressed picture in the page."""
 
 _MAGIC = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG": "image/png"}
 
@@ -32,7 +32,7 @@ _COLORS = {
     "bgra8": (4, [2, 1, 0]),
     "mono8": (1, [0, 0, 0]),
 }
-"""Channels of a pixel, and which of them are red, green and blue."""
+"""Channels of a pixel, and the indices of red, green and blue."""
 
 _DEPTHS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 
@@ -65,7 +65,7 @@ class CameraThumbnails:
 
 
 def data_uri(message: Any) -> str | None:
-    """Return a picture for a page, or None where its form is not known."""
+    """Return a picture as a data URI, or None for an unknown encoding."""
     if not hasattr(message, "encoding"):
         data = bytes(message.data)
         kind = next((kind for magic, kind in _MAGIC.items() if data.startswith(magic)), None)
@@ -96,7 +96,7 @@ def _pixels(message: Any) -> NDArray[np.uint8] | None:
 
 
 def _gray(values: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Return numbers as gray, the nearest light, from their 2nd to their 98th hundredth."""
+    """Return depths as gray levels, near is bright, between the 2nd and 98th percentile."""
     known = values[np.isfinite(values) & (values > 0)]
     low, high = np.quantile(known, [0.02, 0.98]) if known.size else (0.0, 1.0)
     with np.errstate(invalid="ignore"):

@@ -24,15 +24,15 @@ from .svg_theme import BLUE, BODY, GREEN, MUTED, ORANGE, RED, SERIES, TEXT, axes
 
 WIDTH_IN = 8.6
 LEFT_IN = 0.65
-"""Of a plan, for its numbers."""
+"""Left margin of the plan."""
 
 MARGIN_M = 0.4
 MIN_EXTENT_M = 4.0
 WHOLE_M = 40.0
-"""A world of no more than this length and width is shown whole."""
+"""Larger worlds are cropped around the trajectory."""
 
 FAR_M = 2.5
-"""Of a larger one, what is this near to the way."""
+"""Margin of a cropped world."""
 
 SPEED_COLORS = LinearSegmentedColormap.from_list(
     "speed", ["#3b4cc0", "#2a8fbd", "#1fa187", "#8fc93a", "#f2b134"]
@@ -40,7 +40,7 @@ SPEED_COLORS = LinearSegmentedColormap.from_list(
 """Slow to fast; each stands out from a light and from a dark page."""
 
 LETTER_IN = 0.073
-"""A letter of an axis, on average at most."""
+"""Width of a letter of an axis label."""
 
 Span = tuple[float, float]
 
@@ -53,7 +53,7 @@ def trajectory(
     checkpoints_m: Mapping[str, tuple[float, float]],
     ground: Ground | None = None,
 ) -> str:
-    """Return the ways of all vehicles over the plan of the world, colored by speed.
+    """Return the trajectories of all vehicles over the plan, colored by speed.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def trajectory(
 def _shown(
     outlines: Sequence[SolidOutline], places: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the corners of what is shown: the way, what is near it, and rooms around it."""
+    """Return the corners of the visible area around the trajectories and nearby obstacles."""
     low, high = places.min(axis=0) - MARGIN_M, places.max(axis=0) + MARGIN_M
     near_low, near_high = low - FAR_M, high + FAR_M
     if outlines:
@@ -172,7 +172,7 @@ def _contacts(plot: Axes, motion: VehicleMotion, energy: Energy) -> None:
 
 
 def speed(motion: VehicleMotion, span: Span) -> str:
-    """Return speed and yaw rate over time, with what was asked for."""
+    """Return speed and yaw rate over time, with the commands."""
     track, asked = motion.track(), np.array(motion.asked).reshape(-1, 3)
     with style():
         figure = Figure(figsize=(WIDTH_IN, 3.4))
@@ -188,7 +188,7 @@ def speed(motion: VehicleMotion, span: Span) -> str:
                     where="post",
                     color=ORANGE,
                     linewidth=0.9,
-                    label="asked for",
+                    label="commanded",
                 )
             plot.plot(track[:, 0], track[:, column], color=BLUE, label="true")
             plot.set_ylabel(unit)
@@ -199,7 +199,7 @@ def speed(motion: VehicleMotion, span: Span) -> str:
 
 
 def rates(streams: Sequence[StreamTimes], span: Span) -> str:
-    """Return how much of each declared stream came, in bins of time."""
+    """Return the rate of each declared stream in bins of time."""
     declared = [(stream, stream.bins()) for stream in streams]
     rows = [(stream, bins) for stream, bins in declared if bins is not None]
     with style():

@@ -16,17 +16,17 @@ from groundlink.world.terrain import Ground
 from .svg_theme import BODY, FURNITURE, GRAY, MUTED, WALL
 
 TALL_M = 1.6
-"""What is higher is drawn as a wall."""
+"""Higher solids are drawn as walls."""
 
 HEIGHTS = 160
-"""Along each side, at which terrain is looked up."""
+"""Samples of the terrain along each side."""
 
 LEAST_HEIGHT_M = 0.01
-"""Flatter ground has no lines."""
+"""Flatter ground has no contour lines."""
 
 
 def plan(plot: Axes, outlines: Sequence[SolidOutline]) -> None:
-    """Draw what stands, from above."""
+    """Draw outlines from above."""
     for outline in outlines:
         tall = outline.high_m > TALL_M
         plot.add_patch(
@@ -43,7 +43,7 @@ def plan(plot: Axes, outlines: Sequence[SolidOutline]) -> None:
 def heights(
     plot: Axes, ground: Ground, low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> None:
-    """Draw lines of equal height over what is shown."""
+    """Draw contour lines of the visible ground."""
     x, y = (np.linspace(low[i], high[i], HEIGHTS) for i in range(2))
     z = ground.height_at(*np.meshgrid(x, y))
     known = z[np.isfinite(z)]

@@ -56,7 +56,7 @@ def imu(samples: ImuSamples, truth: Floats, span: Span) -> str:
 def trajectories(
     truth: Floats, told: Sequence[tuple[str, Floats]], vehicle: str, span: Span
 ) -> str:
-    """Return where sensors say that a vehicle is beside the truth, and how far off over time.
+    """Return estimated trajectories over the truth, and their errors over time.
 
     Parameters
     ----------

@@ -11,11 +11,11 @@ from groundlink.report.analysis.completeness import IN_TRANSIT, UNEXPLAINED, Str
 from groundlink.report.page.html import Markup, paragraph, section, table
 
 LISTED = 100
-"""Gaps of one stream that are shown one by one."""
+"""Maximum gaps listed of one stream."""
 
 
 def missing_lines(streams: Sequence[StreamCompleteness]) -> list[str]:
-    """Return what a person should know first, one line a stream."""
+    """Return one line for each stream with missing readings."""
     lines = []
     for stream in streams:
         missing = stream.missing()
@@ -26,7 +26,7 @@ def missing_lines(streams: Sequence[StreamCompleteness]) -> list[str]:
 
 
 def missing_section(streams: Sequence[StreamCompleteness]) -> Markup:
-    """Return the section; nothing where no sensor is."""
+    """Return the section; empty without sensors."""
     sums: list[tuple[str, ...]] = []
     gaps: list[tuple[str, ...]] = []
     off: list[int] = []

@@ -55,7 +55,7 @@ def page(run: RunSummary) -> str:
     template = Template(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
     level = scenario.world.terrain is None
     around = outlines(solids(scenario), level=level)
-    sections = [_way(run, around), *_vehicles(run, span), *sensors(run, around, span)]
+    sections = [_trajectory(run, around), *_vehicles(run, span), *sensors(run, around, span)]
     sections += [_streams(run, span), _link(run, span)]
     sections += [
         _cameras(run),
@@ -99,10 +99,10 @@ def _joules(value: float) -> str:
     return f"{value / 1e3:.2f} kJ" if value >= 1e3 else f"{value:.1f} J"
 
 
-def _way(run: RunSummary, around: Sequence[SolidOutline]) -> Markup:
+def _trajectory(run: RunSummary, around: Sequence[SolidOutline]) -> Markup:
     moved = [(m, e) for m, e in zip(run.motions, run.energies, strict=True) if m.rows]
     if not moved:
-        return section("Way", paragraph("The file holds no ground truth, so no way is known."))
+        return section("Trajectory", paragraph("The file has no ground truth."))
     scenario = run.run.scenario
     routes = [
         line(
@@ -137,7 +137,7 @@ def _way(run: RunSummary, around: Sequence[SolidOutline]) -> Markup:
             for by in passages(motion.track(), checkpoints)
         ]
         parts.append(table(columns, rows, numbers=(2, 3), code=(0, 1)))
-    return section("Way", *parts)
+    return section("Trajectory", *parts)
 
 
 def _vehicles(run: RunSummary, span: Span) -> list[Markup]:
@@ -168,7 +168,7 @@ def _vehicles(run: RunSummary, span: Span) -> list[Markup]:
                 ),
                 table(columns, events, numbers=(2, 3), code=(1,))
                 if events
-                else paragraph("It touched nothing but the ground under its wheels."),
+                else paragraph("No contacts except wheels on the ground."),
             ]
             if energy.further_events:
                 parts.append(paragraph(f"{energy.further_events} more are not listed."))
@@ -223,7 +223,7 @@ def _link(run: RunSummary, span: Span) -> Markup:
     if not words:
         return section(
             "Ages and losses",
-            paragraph("No gateway spoke in this run, so nothing is known of its way to ROS."),
+            paragraph("No gateway reported in this run, so ages and losses are unknown."),
         )
     rows, off = [], []
     for number, ((topic, direction), stream) in enumerate(words.items()):
@@ -297,7 +297,7 @@ def _origin(run: RunSummary) -> Markup:
     resolved = yaml.safe_dump(msgspec.to_builtins(facts.scenario), sort_keys=False, width=100)
     versions = sorted(facts.versions.items())
     return section(
-        "Where it comes from",
+        "Provenance",
         paragraph(
             f"Scenario {facts.scenario.name}, seed {facts.scenario.seed}, time mode "
             f"{facts.scenario.time.mode}, world {facts.world_hash[:12]}."

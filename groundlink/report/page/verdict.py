@@ -18,11 +18,11 @@ from .missing_readings import missing_lines
 Span = tuple[float, float]
 
 SPANS = 3
-"""Named in a line."""
+"""Maximum spans in a line."""
 
 
 def problems(run: RunSummary) -> list[str]:
-    """Return what a person should know first, as lines."""
+    """Return the problems of a run as lines."""
     lines = []
     for stream in run.streams:
         if not keeps_rate(stream):
@@ -38,7 +38,7 @@ def problems(run: RunSummary) -> list[str]:
     for (topic, direction), words in run.diagnostics.streams.items():
         lost, sent = words.last.get("lost", "0"), words.last.get("sent", "")
         if lost != "0":
-            lines.append(f"{topic}: {lost} of {sent} lost on the way {direction}")
+            lines.append(f"{topic}: {lost} of {sent} lost {direction}")
     for energy in run.energies:
         if energy.events:
             names = ", ".join(dict.fromkeys(event.name for event in energy.events))
@@ -46,14 +46,14 @@ def problems(run: RunSummary) -> list[str]:
     for failures in run.failures:
         if failures.all:
             kinds = ", ".join(dict.fromkeys(failure.fault.kind for failure in failures.all))
-            lines.append(f"{failures.sensor} was made to fail: {kinds}")
+            lines.append(f"{failures.sensor} had injected faults: {kinds}")
     if run.undecodable:
         lines.append(f"{run.undecodable} messages could not be read")
     return lines
 
 
 def _spans(run: RunSummary, spans: Sequence[Span]) -> str:
-    """Return spans of the recording as times of the run, the first of them."""
+    """Return the first spans as text, in sim time."""
     begin = run.seconds(run.first_nanos)
     words = [f"from {begin + low:.1f} to {begin + high:.1f} s" for low, high in spans[:SPANS]]
     more = len(spans) - SPANS
@@ -61,7 +61,7 @@ def _spans(run: RunSummary, spans: Sequence[Span]) -> str:
 
 
 def keeps_rate(stream: StreamTimes) -> bool:
-    """Return whether a stream has its declared rate over all."""
+    """Return whether a stream has its declared rate on average."""
     if stream.declared_hz is None:
         return True
     measured = stream.measured_hz
@@ -69,7 +69,7 @@ def keeps_rate(stream: StreamTimes) -> bool:
 
 
 def verdict(run: RunSummary) -> Markup:
-    """Return the page's first words: that all was kept, or what was not."""
+    """Return the verdict box: all fine, or the list of problems."""
     found = problems(run)
     if not found:
         return Markup(
@@ -77,4 +77,4 @@ def verdict(run: RunSummary) -> Markup:
             "without a gap, and nothing was touched.</div>"
         )
     items = "".join(f"<li>{text(fault)}</li>" for fault in found)
-    return Markup(f'<div class="verdict bad">What to look at:<ul>{items}</ul></div>')
+    return Markup(f'<div class="verdict bad">Problems:<ul>{items}</ul></div>')

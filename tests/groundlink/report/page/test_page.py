@@ -69,8 +69,15 @@ def content(gathered: RunSummary) -> str:
 def test_everything_has_its_section(content: str) -> None:
     reader = read(content)
     assert reader.headings == [
-        *("Way", "Speed", "Energy and contacts", "Sensors", "Rates and gaps", "Ages and losses"),
-        *("Cameras", "Missing readings", "Processes", "Where it comes from"),
+        *(
+            "Trajectory",
+            "Speed",
+            "Energy and contacts",
+            "Sensors",
+            "Rates and gaps",
+            "Ages and losses",
+        ),
+        *("Cameras", "Missing readings", "Processes", "Provenance"),
     ]
     assert reader.tags["svg"] == 6
     assert reader.tags["img"] == 12
@@ -93,9 +100,9 @@ def test_figures_are_on_it(content: str) -> None:
         *("4.5 m</b><span>driven", "0.75 m/s", "295.0 J", "table_3_leg_1", "900 N at 3.2"),
         *("3 missing, 2 dropped", "9.0 ms", "lab-pc", "stale 4", "seed 1", "indoor_lab_tour"),
         *("/imu: 1 gap, the longest of 500 ms", "rover touched table_3_leg_1"),
-        *("/imu: of 2398 readings 150 overloaded, 49 not told", "2.0025 s", "2.3750 s"),
+        *("/imu: of 2398 readings 150 overloaded, 49 unexplained", "2.0025 s", "2.3750 s"),
         "left out on purpose",
-        *("/imu: 3 of 2010 lost on the way to ROS", "2023-11-14 22:13:20 UTC"),
+        *("/imu: 3 of 2010 lost to ROS", "2023-11-14 22:13:20 UTC"),
     ):
         assert words in content, words
 
@@ -146,9 +153,9 @@ def test_what_a_run_did_not_have_is_not_there(gathered: RunSummary) -> None:
     )
     content = page(bare)
     reader = read(content)
-    assert reader.headings == ["Way", "Ages and losses", "Where it comes from"]
-    assert "no way is known" in content
-    assert "No gateway spoke" in content
+    assert reader.headings == ["Trajectory", "Ages and losses", "Provenance"]
+    assert "has no ground truth" in content
+    assert "No gateway reported" in content
     assert "stamps count from zero" in content
 
 
@@ -193,6 +200,6 @@ def test_faults_have_a_section_where_there_were_some(gathered: RunSummary) -> No
     ]
     content = page(dataclasses.replace(gathered, failures=[failures]))
     assert "Faults" in read(content).headings
-    assert "rover/imu was made to fail: stuck, off" in content
+    assert "rover/imu had injected faults: stuck, off" in content
     assert "1.5000 s" in content
     assert "the end of the recording" in content
