@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Orders given and taken back while credits for them come in: a process for `test_orders`.
+"""Delegated sends that are reclaimed while Credits arrive: the process of `test_delegated_sends`.
 
-It says how often an order was given; it hangs where two threads wait for each other.
+It prints how often a send was delegated. It hangs if two threads wait for each other.
 """
 
 from __future__ import annotations

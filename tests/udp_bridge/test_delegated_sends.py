@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is left to the thread that receives credits: nobody waits for another one for ever."""
+"""Delegated sends: the sending and the receiving thread do not deadlock."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PATIENCE_S = 120.0
 
 
 @pytest.mark.skipif(batch_io is None, reason="the C extension was not built")
-def test_who_takes_an_order_back_and_who_carries_it_out_do_not_wait_for_each_other() -> None:
+def test_reclaiming_and_sending_do_not_deadlock() -> None:
     # A process of its own: threads that wait for each other may keep the interpreter.
     done = subprocess.run(
         [sys.executable, str(STRESS)], capture_output=True, text=True, timeout=PATIENCE_S

@@ -54,7 +54,7 @@ def kind(
         (LOCAL, None, None, True, [UdpSocket]),
     ],
 )
-def test_the_guard_is_the_one_that_was_asked_for(
+def test_the_guard_is_the_configured_one(
     bind: Address, peer: Address | None, secret: bytes | None, allowed: bool, kinds: list[type]
 ) -> None:
     assert kind(bind, peer, secret, allowed) == kinds
@@ -79,7 +79,7 @@ def test_a_link_with_a_peer_takes_from_it_and_from_where_it_sends() -> None:
             wait_until(lambda: sorted(received) == [b"other", b"peer"], "both messages")
 
 
-def test_large_messages_pass_a_guard_that_knows_nobody(other_hosts: None) -> None:
+def test_large_messages_pass_a_guard_without_validated_addresses(other_hosts: None) -> None:
     received: list[Message] = []
     rng = random.Random(1)
     bodies = [rng.randbytes(300_000) for _ in range(20)]

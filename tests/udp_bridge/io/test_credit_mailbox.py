@@ -57,7 +57,7 @@ def strays(found: list[PartBatch]) -> list[bytes]:
 
 
 @needs_many
-def test_credits_for_what_is_sent_are_kept_and_counted(
+def test_credits_of_the_current_topic_are_kept_and_counted(
     ends: tuple[socket.socket, UdpSocket],
 ) -> None:
     peer, receiver = ends
@@ -117,7 +117,7 @@ def parts_at(peer: socket.socket) -> list[tuple[int, bytes]]:
 
 
 @needs_many
-def test_the_rest_of_a_message_is_sent_where_its_credits_come_in(
+def test_a_delegated_send_continues_as_credits_arrive(
     ends: tuple[socket.socket, UdpSocket],
 ) -> None:
     peer, receiver = ends
@@ -152,7 +152,7 @@ def test_the_rest_of_a_message_is_sent_where_its_credits_come_in(
 
 @needs_many
 @pytest.mark.parametrize("wrong", [(1, 3, 4 << 20), (0, 200, 4 << 20), (0, 3, 1 << 20)])
-def test_credits_that_tell_an_order_nothing_are_handed_over(
+def test_credits_that_make_no_room_for_a_delegated_send_are_handed_over(
     ends: tuple[socket.socket, UdpSocket], wrong: tuple[int, int, int]
 ) -> None:
     peer, receiver = ends
@@ -171,7 +171,7 @@ def test_credits_that_tell_an_order_nothing_are_handed_over(
 
 
 @needs_many
-def test_more_than_can_be_kept_are_handed_over(ends: tuple[socket.socket, UdpSocket]) -> None:
+def test_credits_beyond_the_mailbox_are_handed_over(ends: tuple[socket.socket, UdpSocket]) -> None:
     peer, receiver = ends
     receiver.credit_store.keep(peer.getsockname(), credit(0))
     for number in range(70):
@@ -217,7 +217,7 @@ def test_what_is_no_such_credit_is_handed_over(ends: tuple[socket.socket, UdpSoc
 
 
 @needs_many
-def test_credits_of_those_who_were_not_let_in_are_refused(
+def test_credits_of_strangers_are_refused(
     ends: tuple[socket.socket, UdpSocket],
 ) -> None:
     peer, receiver = ends
@@ -254,7 +254,7 @@ def outbox_with(*topics: str) -> SendQueue:
     return queue
 
 
-def test_what_was_kept_makes_room() -> None:
+def test_kept_credits_make_room() -> None:
     store = FakeStore()
     mailbox = CreditMailbox(store, {})
     queue = outbox_with("/image", "/other")

@@ -235,7 +235,7 @@ def test_reports_tell_a_sender_what_arrived(make: Make) -> None:
     assert [message.topic for message in sender.received[:2]] == ["/imu", ""]
 
 
-def test_a_receiver_that_ends_tells_what_arrived_so_that_another_one_goes_on(make: Make) -> None:
+def test_a_closing_receiver_reports_so_that_its_successor_continues(make: Make) -> None:
     receiver = make(report=True)
     address = receiver.link.address
     sender = make(peer=address)
@@ -253,7 +253,7 @@ def test_a_receiver_that_ends_tells_what_arrived_so_that_another_one_goes_on(mak
     assert (account.sent, account.missing, account.in_flight) == (6, 0, 0)
 
 
-def test_what_is_confirmed_counts_when_it_is_told(make: Make) -> None:
+def test_confirmed_messages_count_when_reported(make: Make) -> None:
     receiver = make(report=True, confirmed=True)
     sender = make(peer=receiver.link.address)
     for index in range(3):
@@ -364,7 +364,7 @@ def test_a_turn_that_raises_is_counted_and_the_next_one_receives(make: Make) -> 
     assert receiver.link.counters()["deaf"] == 0
 
 
-def test_a_receiving_thread_that_makes_no_turn_is_deaf(make: Make) -> None:
+def test_a_blocked_receiving_thread_is_counted_as_deaf(make: Make) -> None:
     held, is_held = threading.Event(), threading.Event()
 
     def hold(*_: object) -> None:

@@ -137,7 +137,7 @@ def test_only_peers_are_heard(stack: ExitStack) -> None:
     assert {message.body for message in received} == {b"friend"}
 
 
-def test_large_messages_of_peers_come_in_runs_past_strangers(stack: ExitStack) -> None:
+def test_large_messages_of_peers_arrive_in_batches_among_strangers(stack: ExitStack) -> None:
     tap = Tap()
     guarded, received = end(stack, PeerFilter(tap, [("127.0.0.1", 0)]), report=False)
     friend = stack.enter_context(Link(LOCAL, guarded.address))
@@ -169,5 +169,5 @@ def test_a_flood_of_strangers_takes_no_memory(stack: ExitStack) -> None:
             count += 1
             assert count < 1_000_000
     assert guarded._inbox.reassembler.counters.refused.keys() == {"stranger"}
-    assert not guarded._inbox._peers
+    assert not list(guarded._inbox._peers)
     assert not received

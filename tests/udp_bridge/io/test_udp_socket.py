@@ -102,7 +102,7 @@ def test_a_run_is_sent_as_its_datagrams(sending: type, pair: Pair) -> None:
 
 
 @pytest.mark.parametrize("sending", SENDING)
-def test_repair_symbols_of_the_longest_names_are_sent_as_a_run(sending: type, pair: Pair) -> None:
+def test_repair_symbols_of_the_longest_names_are_sent_as_a_batch(sending: type, pair: Pair) -> None:
     one, two = pair
     message = Message(1, "/" + "n" * 233, "", 5, 0, bytes(range(256)) * 40)
     cut = plan(message, 1472, coded=True)
@@ -128,7 +128,7 @@ def test_a_datagram_that_can_not_be_sent_is_left_out(sending: type, pair: Pair) 
 
 
 @pytest.mark.parametrize("sending", SENDING)
-def test_what_can_not_be_sent_is_tried_once_more_when_told_so(sending: type, pair: Pair) -> None:
+def test_a_datagram_is_retried_once_on_request(sending: type, pair: Pair) -> None:
     complaints: list[int] = []
 
     def complain(number: int) -> bool:
@@ -252,7 +252,7 @@ def test_parts_lie_in_their_places_in_whatever_order_they_come(
 
 
 @needs_many
-def test_more_gaps_than_can_be_told_end_a_run(pair: Pair) -> None:
+def test_too_many_gaps_end_a_batch(pair: Pair) -> None:
     one, two = pair
     # All that comes is there before it is received; behind it nothing is worth a wait.
     two.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("@ll", 0, 50_000))
@@ -281,7 +281,7 @@ def test_more_gaps_than_can_be_told_end_a_run(pair: Pair) -> None:
 
 
 @needs_many
-def test_a_gap_is_not_waited_for_longer_than_it_takes_to_ask_for_it(pair: Pair) -> None:
+def test_a_batch_ends_when_a_request_is_due(pair: Pair) -> None:
     one, two = pair
     datagrams = whole(parts_of(4500))
     one.sendto(datagrams[0], two.getsockname())
@@ -315,7 +315,7 @@ LONG_NANOS = 10**10
 
 @needs_many
 @pytest.mark.parametrize("topic", ["/points", "", "/" + "t" * 200])
-def test_a_gap_is_asked_for_as_python_would_and_filled_in_the_same_run(
+def test_a_gap_is_requested_as_python_would_and_filled_in_the_same_batch(
     pair: Pair, topic: str
 ) -> None:
     one, two = pair
@@ -363,7 +363,7 @@ def test_an_offer_behind_parts_is_answered_at_once_and_handed_over(pair: Pair, t
         b"",
     ],
 )
-def test_nothing_is_asked_for_behind_anything_else(pair: Pair, stray: bytes) -> None:
+def test_nothing_is_requested_after_another_datagram(pair: Pair, stray: bytes) -> None:
     one, two = pair
     one.setblocking(False)
     parts = parts_of(4500, 3)

@@ -57,7 +57,7 @@ def test_what_was_sent_is_in_flight_until_it_is_reported() -> None:
     assert account[5:12] == (3, 1, 1, 1, 1, 1 + 2, 2)
 
 
-def test_what_nobody_reports_is_missing_after_a_while() -> None:
+def test_unreported_messages_are_missing_after_a_while() -> None:
     accounts = DeliveryCounter()
     send(accounts, 10)
     assert row(accounts).missing == 0
@@ -82,7 +82,7 @@ def test_counts_of_a_restarted_receiver_are_added() -> None:
     assert (account.delivered, account.missing, account.delivered_bytes) == (22, 1 + 1 + 5 + 1, 88)
 
 
-def test_a_message_with_two_fates_counts_once() -> None:
+def test_a_message_with_two_outcomes_counts_once() -> None:
     accounts = DeliveryCounter()
     send(accounts, 10)
     accounts.reported("/imu", report(10, published=9, incomplete=1), WALL)

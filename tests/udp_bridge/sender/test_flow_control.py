@@ -94,7 +94,7 @@ def asks(flow: FlowControl, now: int) -> bool:
     return True
 
 
-def test_a_new_peer_is_asked_first_then_gets_one_window_and_then_the_bucket() -> None:
+def test_a_new_peer_gets_a_request_then_one_window_and_then_the_bucket() -> None:
     flow = FlowControl(TokenBucket(1e6, COST))
     assert flow.next_wake(SIZE, 5) == 5
     assert asks(flow, 5)
@@ -115,7 +115,7 @@ def test_a_new_peer_is_asked_first_then_gets_one_window_and_then_the_bucket() ->
     assert not asks(flow, 2000 * MS)
 
 
-def test_a_new_peer_tells_how_large_its_buffer_is_before_anything_is_sent() -> None:
+def test_a_new_peer_reports_its_buffer_before_anything_is_sent() -> None:
     flow = FlowControl()
     assert asks(flow, 0)
     flow.acknowledged(DatagramKey(64, "", 0, 0), 16 * COST, 1)
@@ -157,7 +157,7 @@ def full(buffer_datagrams: int) -> FlowControl:
     return flow
 
 
-def test_a_full_window_that_stands_still_is_asked_about_every_10_ms() -> None:
+def test_a_credit_is_requested_every_10_ms_while_a_full_window_does_not_move() -> None:
     flow = full(8)
     assert flow.next_wake(SIZE, 0) == 10 * MS
     assert [now for now in range(0, 45 * MS, MS) if asks(flow, now)] == [

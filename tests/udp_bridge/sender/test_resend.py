@@ -66,7 +66,7 @@ def ask(
     queue.resender.requested(header, request, now)
 
 
-def test_parts_go_out_again_byte_for_byte() -> None:
+def test_parts_are_resent_byte_for_byte() -> None:
     queue = box()
     sent = put(queue, 0)
     ask(queue, sent[0][0], (1, 4), MS)
@@ -132,7 +132,7 @@ def test_parts_of_another_message_of_the_number_are_not_sent(other: dict[str, in
     assert queue.resender.resent == 0
 
 
-def test_whole_messages_are_sent_again() -> None:
+def test_whole_messages_are_resent() -> None:
     queue = box()
     rows = [put(queue, 0, Message(2, "/p", "", stamp, 0, b"imu")) for stamp in range(4)]
     queue.resender.requested(rows[1][0][0]._replace(time_nsec=999), Request(2, 0, 2, 0), MS)
@@ -162,7 +162,7 @@ def test_copies_of_a_request_are_answered_once() -> None:
     assert queue.resender.resent == 2
 
 
-def test_what_is_lost_again_may_be_asked_for_again_at_once() -> None:
+def test_parts_lost_again_may_be_requested_again_at_once() -> None:
     queue = box()
     sent = put(queue, 0)
     ask(queue, sent[0][0], (1, 3), MS)
@@ -172,7 +172,7 @@ def test_what_is_lost_again_may_be_asked_for_again_at_once() -> None:
     assert queue.resender.resent == 3
 
 
-def test_an_offer_goes_behind_what_was_asked_for() -> None:
+def test_an_offer_follows_requested_parts() -> None:
     queue = box()
     sent = put(queue, 0)
     taken(queue, 15 * MS)
@@ -201,7 +201,7 @@ def test_an_older_message_hastens_no_offer_of_the_newest() -> None:
     assert taken(queue, 16 * MS) == sent[1:3]
 
 
-def test_an_offer_waits_for_what_was_asked_for() -> None:
+def test_an_offer_waits_for_requested_parts() -> None:
     queue = box()
     sent = put(queue, 0)
     queue.flow.window.window_bytes = 1  # full, so nothing goes again until there is a credit
@@ -213,7 +213,7 @@ def test_an_offer_waits_for_what_was_asked_for() -> None:
     assert wake > 16 * MS
 
 
-def test_what_the_budget_does_not_hold_is_not_sent_again() -> None:
+def test_parts_beyond_the_budget_are_not_resent() -> None:
     queue = SendQueue(TO, 65_000, repair={(1, "/p"): Resend(5 * SECOND)})
     acknowledge(queue, DEFAULT_RECEIVE_BUFFER)
     queue.flow.window.window_bytes = 10**9
@@ -246,7 +246,7 @@ def spent(budget: ResendBudget, goodput: int, now: int, size: int = 1000) -> int
     return count
 
 
-def test_in_the_long_run_a_quarter_of_the_goodput_is_sent_again() -> None:
+def test_in_the_long_run_a_quarter_of_the_goodput_is_resent() -> None:
     budget = ResendBudget()
     goodput, count = 3_000_000, 0
     for tenth in range(400):
@@ -258,7 +258,7 @@ def test_in_the_long_run_a_quarter_of_the_goodput_is_sent_again() -> None:
 
 
 @pytest.mark.parametrize("left", [0, 500_000, 2_000_000])
-def test_a_burst_is_mended_whatever_arrives_but_not_more_than_left(left: int) -> None:
+def test_a_burst_is_repaired_at_any_goodput_but_not_more_than_was_sent(left: int) -> None:
     budget = ResendBudget()
     budget.sent(left, 0)
     most = max(MINIMUM_BYTES, min(left, BURST_BYTES))
@@ -274,7 +274,7 @@ def test_a_claim_beyond_what_was_sent_counts_for_nothing() -> None:
     assert spent(budget, 1 << 31, 1) == 20_000_000 // BUDGET_WINDOW_S
 
 
-def test_a_pause_starves_nobody() -> None:
+def test_a_pause_does_not_reduce_the_budget() -> None:
     budget = ResendBudget()
     budget.sent(400_000_000, 0)
     assert spent(budget, 90_000_000, SECOND // 2, 10_000_000) == 90_000_000
@@ -299,7 +299,7 @@ def test_what_arrived_before_the_window_counts_no_more() -> None:
     assert spent(budget, 0, now, 100_000) <= BURST_BYTES
 
 
-def test_who_tells_ever_less_fills_no_memory() -> None:
+def test_falling_goodput_fills_no_memory() -> None:
     budget = ResendBudget()
     for index in range(10_000):
         budget.goodput_reported(10**6 - index, index * MS)

@@ -183,11 +183,11 @@ IMU = (2, "/imu", "imu_link")
 """Type, topic and link of a small message."""
 
 
-def express(box: SendQueue, stamp_nanos: int, body: bytes) -> OutgoingDatagram | None:
+def taken_small(box: SendQueue, stamp_nanos: int, body: bytes) -> OutgoingDatagram | None:
     return box.take_small_directly(*IMU, stamp_nanos, body)
 
 
-def known(**options: Any) -> SendQueue:
+def queue_with_template(**options: Any) -> SendQueue:
     """Return an queue by which a small message has gone the long way."""
     box = SendQueue(TO, "mtu", **options)
     box.put(message("/imu", b"first", link="imu_link"))
@@ -203,12 +203,15 @@ def known(**options: Any) -> SendQueue:
     ),
     st.booleans(),
 )
-def test_express_is_the_long_way_in_one_step(
+def test_taking_a_small_message_directly_equals_put_and_take(
     messages: list[tuple[int, bytes]], signed_peer: bool
 ) -> None:
-    short, long = known(signed_peer=signed_peer), known(signed_peer=signed_peer)
+    short, long = (
+        queue_with_template(signed_peer=signed_peer),
+        queue_with_template(signed_peer=signed_peer),
+    )
     for stamp_nanos, body in messages:
-        at_once = express(short, stamp_nanos, body)
+        at_once = taken_small(short, stamp_nanos, body)
         long.put(Message(*IMU, stamp_nanos, 0, body))
         queued = long.take(0)
         assert at_once is not None
@@ -217,18 +220,18 @@ def test_express_is_the_long_way_in_one_step(
     assert short.delivery.counts(0) == long.delivery.counts(0)
 
 
-def test_what_has_more_to_it_takes_the_long_way() -> None:
-    assert express(SendQueue(TO, "mtu"), 1, b"x") is None  # nothing is known of its topic
-    box = known()
+def test_small_messages_that_are_not_alike_are_queued() -> None:
+    assert taken_small(SendQueue(TO, "mtu"), 1, b"x") is None  # nothing is known of its topic
+    box = queue_with_template()
     largest = 1472 - len(Header(2, 0, 0, 1, 0, 0, "/imu", "imu_link").pack())
-    assert express(box, 1, bytes(largest + 1)) is None
-    assert express(box, 2**31 * 10**9, b"x") is None
-    assert express(box, -(2**31) * 10**9 - 1, b"x") is None
+    assert taken_small(box, 1, bytes(largest + 1)) is None
+    assert taken_small(box, 2**31 * 10**9, b"x") is None
+    assert taken_small(box, -(2**31) * 10**9 - 1, b"x") is None
     assert box.take_small_directly(2, "/imu", "other_link", 1, b"x") is None
     box.put(message("/clock", b"t", 8))
-    assert express(box, 1, b"x") is None  # it would overtake one that waits
+    assert taken_small(box, 1, b"x") is None  # it would overtake one that waits
     taken(box)
-    datagram = express(box, 1, bytes(largest))
+    datagram = taken_small(box, 1, bytes(largest))
     assert datagram is not None
     assert parse(datagram.header)[0].seq_number == 1  # none was used up above
     with pytest.raises(BadMessage, match="bytes-like"):
@@ -236,17 +239,17 @@ def test_what_has_more_to_it_takes_the_long_way() -> None:
 
 
 @pytest.mark.parametrize("mode", [Resend(10**9), Fec(0.2)])
-def test_what_is_repaired_takes_the_long_way(mode: Mode) -> None:
+def test_small_messages_with_repair_are_queued(mode: Mode) -> None:
     if isinstance(mode, Fec):
         pytest.importorskip("raptorq")
-    assert express(known(repair={(2, "/imu"): mode}), 1, b"x") is None
+    assert taken_small(queue_with_template(repair={(2, "/imu"): mode}), 1, b"x") is None
 
 
 def cloud_of(size: int, stamp_nanos: int = 5, topic: str = "/image") -> Message:
     return Message(33, topic, "camera", stamp_nanos, 0, bytes(size))
 
 
-def known_run(size: int, **options: Any) -> SendQueue:
+def queue_with_large_template(size: int, **options: Any) -> SendQueue:
     """Return an queue by which a large message has gone the long way, and that got a Credit."""
     box = SendQueue(TO, "loopback", **options)
     box.flow.acknowledged(DatagramKey(33, "", 0, 0), 8 << 20, 0)
@@ -256,7 +259,7 @@ def known_run(size: int, **options: Any) -> SendQueue:
     return box
 
 
-def express_run(box: SendQueue, message: Message, most_bytes: int) -> OutgoingDatagram | None:
+def taken_large(box: SendQueue, message: Message, most_bytes: int) -> OutgoingDatagram | None:
     msg_type, topic, link, stamp_nanos, _, body, _ = message
     return box.take_large_directly(0, most_bytes, msg_type, topic, link, stamp_nanos, body)
 
@@ -271,12 +274,14 @@ def express_run(box: SendQueue, message: Message, most_bytes: int) -> OutgoingDa
 )
 @example(1_015_097, [0, 0, 0, 0], 70_000, False, {})
 @example(1_015_097, [0, 0, 0, 0], 1 << 20, False, {(33, "/image"): Resend(10**9)})
-def test_an_express_run_is_the_long_way_in_one_step(
+def test_taking_a_large_message_directly_equals_put_and_take(
     size: int, stamps: list[int], most_bytes: int, signed_peer: bool, repair: RepairTable
 ) -> None:
-    short, long = (known_run(size, signed_peer=signed_peer, repair=repair) for _ in range(2))
+    short, long = (
+        queue_with_large_template(size, signed_peer=signed_peer, repair=repair) for _ in range(2)
+    )
     for stamp_nanos in stamps:
-        at_once = express_run(short, cloud_of(size, stamp_nanos), most_bytes)
+        at_once = taken_large(short, cloud_of(size, stamp_nanos), most_bytes)
         if at_once is None:  # the window is full
             short.put(cloud_of(size, stamp_nanos))
             at_once = short.take(0, most_bytes)
@@ -320,7 +325,7 @@ def left_with(most_bytes: int, names: str) -> tuple[list[bytes], list[bool], int
 
 
 @pytest.mark.parametrize("names", ["/points", "/" + "n" * 116])
-def test_a_coded_message_leaves_in_two_runs_parts_and_repair(names: str) -> None:
+def test_a_message_with_fec_is_sent_in_two_batches_parts_and_repair(names: str) -> None:
     datagrams, ends, calls, in_flight = left_with(1 << 20, names)
     assert (datagrams, ends, in_flight) == (*(left := left_with(0, names))[:2], left[3])
     assert calls == 4
@@ -328,10 +333,10 @@ def test_a_coded_message_leaves_in_two_runs_parts_and_repair(names: str) -> None
     assert sum(ends) == 2
 
 
-def test_what_left_by_express_is_sent_again_when_it_is_asked_for() -> None:
-    box = known_run(700_000, repair={(33, "/image"): Resend(10**9)})
+def test_a_directly_sent_message_is_resent_on_request() -> None:
+    box = queue_with_large_template(700_000, repair={(33, "/image"): Resend(10**9)})
     message = cloud_of(700_000)
-    at_once = express_run(box, message, 1 << 20)
+    at_once = taken_large(box, message, 1 << 20)
     assert at_once is not None
     assert at_once.batch is not None
     header, offset = parse(at_once.batch.trailer or b"")
@@ -344,30 +349,30 @@ def test_what_left_by_express_is_sent_again_when_it_is_asked_for() -> None:
     assert again.part == memoryview(message.body)[3 * 65_280 : 4 * 65_280]
 
 
-def test_a_large_message_with_more_to_it_takes_the_long_way() -> None:
+def test_large_messages_that_are_not_alike_are_queued() -> None:
     most, fits = 1 << 20, cloud_of(700_000)
     fresh = SendQueue(TO, "loopback")
-    assert express_run(fresh, fits, most) is None  # nothing is known of its topic
-    box = known_run(700_000)
+    assert taken_large(fresh, fits, most) is None  # nothing is known of its topic
+    box = queue_with_large_template(700_000)
     for other in (
         cloud_of(700_001),
         cloud_of(700_000, 2**31 * 10**9),
         cloud_of(700_000, topic="/other"),
         fits._replace(link="elsewhere"),
     ):
-        assert express_run(box, other, most) is None
-    assert express_run(box, fits, 0) is None  # a socket that takes no runs
+        assert taken_large(box, other, most) is None
+    assert taken_large(box, fits, 0) is None  # a socket that takes no runs
     sent = 0
-    while box.is_idle and express_run(box, fits, most) is not None:
+    while box.is_idle and taken_large(box, fits, most) is not None:
         sent += 1
     assert sent == 5  # four and a part of the fifth fill half of the peer's buffer, with the first
     assert not box.is_idle
-    resent = known_run(700_000, repair={(33, "/image"): Resend(10**9)})
+    resent = queue_with_large_template(700_000, repair={(33, "/image"): Resend(10**9)})
     fields = (33, "/image", "camera", 5, fits.body)
     assert resent.take_large_directly(10**6, most, *fields) is None  # an offer is due
 
 
-def test_headers_are_kept_of_a_bounded_number_of_topics() -> None:
+def test_templates_are_bounded() -> None:
     box = SendQueue(TO, "mtu")
     for index in range(2 * MAX_TEMPLATES + 1):
         box.put(message(str(index), b"x"))
