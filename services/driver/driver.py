@@ -70,7 +70,7 @@ class Driver:
         self.refused = 0
 
     def _begin(self, episode: int | None) -> None:
-        self._life = episode
+        self._episode = episode
         self._start = (0.0, 0.0, 0.0)
         self._start_tick = 0
         self._follower: PurePursuitFollower | None = None
@@ -99,7 +99,7 @@ class Driver:
 
     def take(self, state: State, waiting: int = 0) -> None:
         """Take a state; publish a command and an acknowledgement when they are due."""
-        if state.episode != self._life:
+        if state.episode != self._episode:
             self._begin(state.episode)
         elif state.tick <= self.tick:
             return

@@ -53,7 +53,7 @@ class Forwarder:
         # In real time new messages supersede waiting ones; otherwise physics waits.
         self._is_waited_for = scenario.time.mode != "realtime"
         self._clocks = Schedule.at(scenario.time.clock_rate_hz)
-        self._life = 0
+        self._episode = 0
         self.tick = -1
         self._pile: deque[tuple[str, Message]] = deque()
         self._newest: Clock | None = None
@@ -80,15 +80,15 @@ class Forwarder:
         if self._is_waited_for:
             self._link.flush(FLUSH_SECONDS)
         if isinstance(message, Clock):
-            if message.episode == self._life:
+            if message.episode == self._episode:
                 self.counts["clocks_missed"] += self._clocks.between(self.tick, message.tick)
-            self._life, self.tick = message.episode, message.tick
+            self._episode, self.tick = message.episode, message.tick
             self._acknowledge(Ack(message.episode, message.tick, message.tick))
 
     def _is_stale(self, message: Message) -> bool:
         """Return whether a message, which may be a clock, has waited too long in the pile."""
         newest = self._newest
-        if newest is None or newest.episode != self._life:
+        if newest is None or newest.episode != self._episode:
             return False
         if newest.tick == self.tick:
             self._newest = None

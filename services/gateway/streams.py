@@ -4,25 +4,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
-from groundlink.core.errors import UserError
 from groundlink.messages.base import Message
 from groundlink.messages.ground_truth import TruePoints
 from groundlink.ros.cdr import CODECS, ROS_CODECS
 from groundlink.ros.message_sizes import body_bytes
-from groundlink.ros.streams import Outgoing, answers_mistake
-from groundlink.scenario import Scenario
+from groundlink.ros.streams import Outgoing
 from groundlink.scenario.sensors import RepairBy
 from udp_bridge.sender.repair import Mode, parse_mode
-from udp_bridge.wire.lockstep import ExpectedResponse
 from udp_bridge.wire.typed import pack_typed
 from udp_bridge.wire.types import NUMBER_OF_ROS_TYPE, TYPED, type_number
 
 from .subscribers import TopicKey
-
-if TYPE_CHECKING:
-    from .gateway import Gateway
 
 TF_MESSAGE = type_number("TFMessage")
 
@@ -67,20 +60,3 @@ def repair_table(streams: Iterable[Outgoing]) -> dict[tuple[int, str], Mode]:
         if mode is not None:
             table[wire_type(stream.message), stream.topic] = mode
     return table
-
-
-def answers(scenario: Scenario, gateway: Gateway) -> tuple[ExpectedResponse, ...]:
-    """Return the messages that the ROS node must send before it replies to a barrier.
-
-    Raises
-    ------
-    UserError
-        when one of them answers a topic that is not sent to ROS.
-    """
-    if mistake := answers_mistake(scenario):
-        raise UserError(mistake)
-    types = {each.topic: each.msg_type for each in gateway.subscriptions}
-    return tuple(
-        ExpectedResponse(topic, of, types.get(topic, 0))
-        for topic, of in scenario.time.answers.items()
-    )

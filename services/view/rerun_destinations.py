@@ -70,14 +70,14 @@ class RerunFile:
         if not path.resolve().parent.is_dir():
             raise UserError(f"--save {path}: there is no folder {path.parent}")
         self._path, self._blueprint = path, blueprint
-        self._lives = 0
+        self._episodes = 0
         self._recording: rr.RecordingStream | None = None
 
     def new_recording(self) -> rr.RecordingStream:
         """Return a recording to the next file."""
         self.close()
-        self._lives += 1
-        again = f"-{self._lives}" if self._lives > 1 else ""
+        self._episodes += 1
+        again = f"-{self._episodes}" if self._episodes > 1 else ""
         self._recording = _recording()
         self._recording.save(
             self._path.with_stem(self._path.stem + again), default_blueprint=self._blueprint

@@ -62,7 +62,7 @@ class RerunView:
         self._monitor = RunMonitor()
         self._next_frame_nanos = 0
         self._next_plot_nanos = 0
-        self._life: int | None = None
+        self._episode: int | None = None
         self.drawing = self._begin()
 
     def change(self, scenario: Scenario) -> None:
@@ -74,10 +74,10 @@ class RerunView:
     def take_states(self, states: Sequence[State]) -> None:
         """Take states; draw the newest of them when it is due."""
         for state in states:
-            if state.episode != self._life:
-                if self._life is not None:
+            if state.episode != self._episode:
+                if self._episode is not None:
                     self.drawing = self._begin()
-                self._life = state.episode
+                self._episode = state.episode
             self.drawing.epoch_nanos = state.epoch_nanos
             self.drawing.now_nanos = state.sim_nanos
             for name, track in self.drawing.vehicles.items():

@@ -20,15 +20,23 @@ from groundlink.bus.core_topics import GATEWAY, PHYSICS
 from groundlink.bus.inbox import BusInbox
 from groundlink.core.backoff import Backoff
 from groundlink.core.clock import TICK_NANOS
+from groundlink.core.errors import UserError
 from groundlink.messages.base import Ack, Clock, Command, Message, Reading, State, measured_nanos
+from groundlink.ros.streams import answers_mistake
 from groundlink.scenario import Scenario
 from services.gateway.bus_session import RunStatus
 from services.gateway.gateway import Gateway, ToRos
-from services.gateway.streams import answers
 from udp_bridge.io.link import Link
 from udp_bridge.receiver.barrier_buffer import AnnouncedCounts
 from udp_bridge.sender.repair import Resend
-from udp_bridge.wire.lockstep import DONE, RESTARTED, Barrier, BarrierReply, SentMessages
+from udp_bridge.wire.lockstep import (
+    DONE,
+    RESTARTED,
+    Barrier,
+    BarrierReply,
+    ExpectedResponse,
+    SentMessages,
+)
 from udp_bridge.wire.message import Message as WireMessage
 from udp_bridge.wire.types import CONTROL
 
@@ -171,7 +179,9 @@ class Lockstep:
 
         self._now = 0.0
         self._clock, self._wait = _Clock(), _Wait()
-        self._sent = _SentBarrier(Barrier(0, -1, LIMIT_MS, (), answers(scenario, gateway)), 0, [])
+        self._sent = _SentBarrier(
+            Barrier(0, -1, LIMIT_MS, (), expected_responses(scenario, gateway)), 0, []
+        )
         self._replied: _Replied | None = None
         self._status: RunStatus | None = None
         self._backoff, self._is_news = Backoff(0.0), True
@@ -433,3 +443,20 @@ class Lockstep:
             return self._replies.lacking(node, barrier.episode, barrier.tick)
         names = ", ".join(self._behind())
         return f"tick {self.tick}: waiting for {names} before the barrier is sent" if names else ""
+
+
+def expected_responses(scenario: Scenario, gateway: Gateway) -> tuple[ExpectedResponse, ...]:
+    """Return the messages that the ROS node must send before it replies to a barrier.
+
+    Raises
+    ------
+    UserError
+        when one of them answers a topic that is not sent to ROS.
+    """
+    if mistake := answers_mistake(scenario):
+        raise UserError(mistake)
+    types = {each.topic: each.msg_type for each in gateway.subscriptions}
+    return tuple(
+        ExpectedResponse(topic, of, types.get(topic, 0))
+        for topic, of in scenario.time.answers.items()
+    )
