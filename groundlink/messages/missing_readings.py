@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The readings of a sensor that were due and never come, told by its process with their cause.
+"""Missing readings: gaps that a sensor's process reports with their cause.
 
-Rule: every reading that is due, by `calendars`, is published or in a gap, once. What a fault takes
-away on purpose is told in the same way, under the fault's kind, so that sums add up. The same rules
-as in `messages`.
+Each reading that is due by its `ReadingSchedule` is either published or in one gap. Readings that a
+fault takes away on purpose are reported too, under the kind of the fault, so that sums add up.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from typing import Protocol
 from groundlink.core.clock import Schedule
 
 
-class Calendar(Protocol):
+class ReadingSchedule(Protocol):
     """The readings of one sensor, numbered on the run's time line."""
 
     first: int
@@ -27,7 +27,7 @@ class Calendar(Protocol):
 
 
 class Events:
-    """Readings at the events of a rate (a `Calendar`)."""
+    """Readings at the events of a rate (a `ReadingSchedule`)."""
 
     def __init__(self, rate_hz: float, first: int = 0) -> None:
         self._schedule = Schedule.at(rate_hz)
@@ -63,7 +63,7 @@ class TurningHead(Protocol):
 
 
 class Blocks:
-    """The blocks in which a turning head's revolutions are sent (a `Calendar`).
+    """The blocks in which a turning head's revolutions are sent (a `ReadingSchedule`).
 
     Blocks are counted from the run's start, as revolutions are; a whole revolution is the only
     block of itself. A block is stamped with its first firing.

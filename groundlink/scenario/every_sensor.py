@@ -16,7 +16,7 @@ from msgspec import Meta
 from groundlink.core.fields import Spec, Vector3
 from groundlink.core.frames import multiply, quaternion_from_rpy
 from groundlink.messages.base import Message
-from groundlink.messages.reading_schedule import Calendar, Events
+from groundlink.messages.reading_schedule import Events, ReadingSchedule
 
 from .faults import Fault, Quantity
 
@@ -165,7 +165,7 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
         """Longest time from the begin of a measurement to its message, in seconds."""
         return 0.0
 
-    def schedule(self) -> Calendar:
+    def schedule(self) -> ReadingSchedule:
         """Return which readings are due."""
         return Events(self.message_rate_hz)
 

@@ -18,7 +18,7 @@ from groundlink.core.clock import exact
 from groundlink.core.fields import Fraction01, NonNegative, Positive
 from groundlink.messages.base import POINT, PointCloud, packed
 from groundlink.messages.imagery import LaserScan
-from groundlink.messages.reading_schedule import Blocks, Calendar
+from groundlink.messages.reading_schedule import Blocks, ReadingSchedule
 
 from .every_sensor import Address, Carrier, Rate, SensorSpec
 from .faults import Quantity
@@ -165,7 +165,7 @@ class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
         """Time that a block takes."""
         return 1 / self.message_rate_hz
 
-    def schedule(self) -> Calendar:
+    def schedule(self) -> ReadingSchedule:
         """Return when the blocks are due."""
         return Blocks(self)
 

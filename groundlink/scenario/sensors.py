@@ -18,7 +18,7 @@ from groundlink.messages import base as messages
 from groundlink.messages import imagery
 from groundlink.messages.base import packed
 from groundlink.messages.navigation import NavSatFix, Odometry
-from groundlink.messages.reading_schedule import Calendar, Events
+from groundlink.messages.reading_schedule import Events, ReadingSchedule
 
 from .cameras import Camera, Optics
 from .depth_cameras import DepthCamera, StereoCamera
@@ -80,7 +80,7 @@ class Imu(SensorSpec, frozen=True, tag="imu"):
     noise_source: Literal["marsaglia", "numpy"] = "marsaglia"
     """How normal numbers are made: by the polar method, as in the paper, or by numpy's ziggurat."""
 
-    def schedule(self) -> Calendar:
+    def schedule(self) -> ReadingSchedule:
         """Return when samples are due: the first window begins when the low passes are full."""
         ticks = max(triad.low_pass_ticks for triad in (self.accelerometer, self.gyroscope))
         filled = Events(self.rate_hz).at_or_after(TICK_NANOS * ticks)

@@ -23,7 +23,7 @@ from groundlink.bus.topics import GAPS, sensor_outputs
 from groundlink.core.clock import NANOS
 from groundlink.messages.base import Clock, Health, Message, decode, measured_nanos
 from groundlink.messages.missing_readings import Gap, Gaps
-from groundlink.messages.reading_schedule import Calendar
+from groundlink.messages.reading_schedule import ReadingSchedule
 from groundlink.process.joining import join
 from services.gateway.missing_readings import COUNTER_PREFIX
 from tests.system.rig import wait_for
@@ -44,7 +44,7 @@ NEVER = 1 << 63
 
 
 class _Sensor:
-    def __init__(self, due: Calendar, topic: str) -> None:
+    def __init__(self, due: ReadingSchedule, topic: str) -> None:
         self.due, self.counter = due, COUNTER_PREFIX + topic
         self.seen: set[int] = set()
         """Instants of measurement."""

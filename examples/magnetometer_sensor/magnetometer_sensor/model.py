@@ -11,7 +11,7 @@ from groundlink.core.frames import Floats, matrix_from_quaternion, multiply
 from groundlink.messages.base import BadMessage, State
 from groundlink.scenario.schema import Scenario, Vehicle
 from services.sensors.noise.random_streams import RandomStreams
-from services.sensors.runtime.due import Due
+from services.sensors.runtime.next_event import NextEvent
 
 from .message import MagneticField
 from .spec import Magnetometer
@@ -40,7 +40,7 @@ class MagnetometerModel:
         self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
         turn_on = self._streams.at("turn_on_bias", 0).standard_normal(3)
         self._bias_t = spec.turn_on_bias_t * turn_on
-        self._due = Due(Schedule.at(spec.rate_hz))
+        self._due = NextEvent(Schedule.at(spec.rate_hz))
 
     def restart(self) -> None:
         """Forget earlier states."""

@@ -12,7 +12,7 @@ from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Camera
 from services.sensors.rendering.cameras.camera_eye import CameraEye
 from services.sensors.rendering.cameras.messages import ENCODINGS, camera_info, image, jpeg
-from services.sensors.runtime.model import Beside
+from services.sensors.runtime.model import StreamMessage
 from services.sensors.runtime.picture_times import PictureModel
 
 
@@ -34,15 +34,15 @@ class CameraModel(PictureModel):
         self._frame = vehicle.frame_prefix + spec.frame
         self._outputs = spec.ros_topics().keys()
 
-    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | Beside]:
+    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | StreamMessage]:
         """Return the messages of the picture that begins at an instant."""
         spec, header = self._spec, (stamp_nanos, self._frame)
         pixels = self._eye.read(nanos, tick)
         told = camera_info(*header, self._eye.pinhole, spec.lens)
-        made: list[Message | Beside] = [Beside("camera_info", told)]
+        made: list[Message | StreamMessage] = [StreamMessage("camera_info", told)]
         if "image" in self._outputs:
             encoded = ENCODINGS[spec.encoding](pixels)
-            made.append(Beside("image", image(*header, spec.encoding, encoded)))
+            made.append(StreamMessage("image", image(*header, spec.encoding, encoded)))
         if "" in self._outputs:
             grey = spec.encoding == "mono8"
             file = jpeg(*header, pixels, grey=grey, quality=spec.jpeg_quality)

@@ -14,7 +14,7 @@ from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import DepthCamera
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rendering.cameras.messages import camera_info, image, jpeg
-from services.sensors.runtime.model import Beside
+from services.sensors.runtime.model import StreamMessage
 from services.sensors.runtime.picture_times import PictureModel
 
 from .eyes import DepthEye, depth_eye
@@ -52,28 +52,30 @@ class DepthCameraModel(PictureModel):
         self._outputs = spec.ros_topics().keys()
         self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
 
-    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | Beside]:
+    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | StreamMessage]:
         """Return the messages of the picture of an instant."""
         spec, outputs, header = self._spec, self._outputs, (stamp_nanos, self._frame)
         truth_m, colour = self._eye.look(nanos, tick)
         pinhole = self._eye.pinhole
         depth_m = measured(truth_m, pinhole.fx, spec, self._streams.at("disparity", tick))
         info = camera_info(*header, pinhole, spec.lens)
-        made: list[Message | Beside] = [Beside("camera_info", info)]
+        made: list[Message | StreamMessage] = [StreamMessage("camera_info", info)]
         if "" in outputs:
             made.append(image(*header, spec.encoding, pixels(depth_m, spec.encoding)))
         if "compressed" in outputs:
             file = compressed_depth(*header, depth_m, spec.encoding, spec.max_range_m)
-            made.append(Beside("compressed", file))
+            made.append(StreamMessage("compressed", file))
         if "points" in outputs:
             slopes = self._eye.slopes
             cloud = points(*header, depth_m, slopes, every=spec.points_every, colour=colour)
-            made.append(Beside("points", cloud))
+            made.append(StreamMessage("points", cloud))
         if spec.color and colour is not None:
-            made.append(Beside("color_info", info))
+            made.append(StreamMessage("color_info", info))
             if "color" in outputs:
                 quality = spec.color.jpeg_quality
-                made.append(Beside("color", jpeg(*header, colour, grey=False, quality=quality)))
+                made.append(
+                    StreamMessage("color", jpeg(*header, colour, grey=False, quality=quality))
+                )
             if "color_image" in outputs:
-                made.append(Beside("color_image", image(*header, "rgb8", colour)))
+                made.append(StreamMessage("color_image", image(*header, "rgb8", colour)))
         return made

@@ -11,7 +11,7 @@ from groundlink.core.clock import TICK_NANOS, Schedule
 from groundlink.messages import base as messages
 from groundlink.scenario import sensors
 from groundlink.scenario.schema import Scenario, Vehicle
-from services.sensors.runtime.due import Due
+from services.sensors.runtime.next_event import NextEvent
 from services.sensors.runtime.wheel_counters import WheelCounters
 
 
@@ -20,7 +20,7 @@ class EncodersModel:
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: sensors.Encoders) -> None:
         self._frame = vehicle.frame_prefix + spec.frame
-        self._due = Due(Schedule.at(spec.rate_hz))
+        self._due = NextEvent(Schedule.at(spec.rate_hz))
         self._counters = WheelCounters(scenario, vehicle, spec)
         self.restart()
 

@@ -19,14 +19,14 @@ from groundlink.messages.base import Message, Reading, State, decode, encode, me
 from groundlink.scenario.faults import Delay, Fault
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.runtime.model import (
-    Beside,
-    Gone,
     LeftOut,
     Made,
     RememberingModel,
+    RemovedSensor,
     SensorModel,
     SkippingModel,
-    parted,
+    StreamMessage,
+    stream_and_message,
 )
 
 from .effects import Removed, apply_faults
@@ -104,7 +104,7 @@ class FaultWrapper:
     @property
     def has_gone(self) -> bool:
         """Whether the sensor was removed."""
-        return isinstance(self._inner, Gone)
+        return isinstance(self._inner, RemovedSensor)
 
     def restart(self) -> None:
         """Forget earlier states; delayed readings still come."""
@@ -174,7 +174,7 @@ class FaultWrapper:
         """Return a reading after faults and its delay; None for ground truth."""
         if isinstance(made, LeftOut):
             return made, 0
-        output, message = parted(made)
+        output, message = stream_and_message(made)
         if not isinstance(message, Reading):
             return None, 0
         sim_nanos = measured_nanos(message) - epoch_nanos
@@ -182,7 +182,7 @@ class FaultWrapper:
         reading = apply_faults(now, message)
         if isinstance(reading, Removed):
             return LeftOut(sim_nanos, reading.by, output), now.late_ticks
-        return Beside(output, reading) if output else reading, now.late_ticks
+        return StreamMessage(output, reading) if output else reading, now.late_ticks
 
     def _context(self, output: str, sim_nanos: int) -> FaultContext:
         faults = self.active(sim_nanos // TICK_NANOS)

@@ -33,8 +33,8 @@ from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Gnss
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.runtime import nmea
-from services.sensors.runtime.due import Due, Event
 from services.sensors.runtime.model import Datagram
+from services.sensors.runtime.next_event import Event, NextEvent
 
 from .errors import GnssErrors
 from .geodesy import Geodetic, TangentPlane, geodetic_from_ecef
@@ -107,7 +107,7 @@ class GnssModel:
             Geodetic.of_degrees(datum.latitude_deg, datum.longitude_deg, datum.altitude_m)
         )
         self._kind = KINDS[spec.solution]
-        self._due = Due(Schedule.at(spec.rate_hz))
+        self._due = NextEvent(Schedule.at(spec.rate_hz))
         self._latency_nanos = int(exact(spec.latency_s) * NANOS)
         self._errors = GnssErrors(spec, RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}"))
         self._reception = Reception(scenario, vehicle, spec)

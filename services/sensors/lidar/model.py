@@ -17,7 +17,7 @@ from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Lidar
 from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Reals
-from services.sensors.runtime.model import Beside, LeftOut, Made
+from services.sensors.runtime.model import LeftOut, Made, StreamMessage
 from services.sensors.scanning.scanner import Scan, Scanner
 
 
@@ -69,7 +69,7 @@ class LidarModel:
                 found += self._clouds(scan, state.epoch_nanos + scan.nanos)
         return found
 
-    def _clouds(self, scan: Scan, stamp_nanos: int) -> Iterator[PointCloud | Beside]:
+    def _clouds(self, scan: Scan, stamp_nanos: int) -> Iterator[PointCloud | StreamMessage]:
         """Yield the points firing after firing, lasers as they fire, two of a ray in turn.
 
         A point is range times direction above the laser's origin. The truth has the same order.
@@ -90,4 +90,4 @@ class LidarModel:
         yield PointCloud(stamp_nanos, self._frame, packed(points))
         if scan.truth is not None:
             truth = TruePoints(stamp_nanos, self._frame, packed(true_points))
-            yield Beside("truth", truth)
+            yield StreamMessage("truth", truth)

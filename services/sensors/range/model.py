@@ -28,7 +28,7 @@ from groundlink.scenario.schema import Scenario, Vehicle
 from services.sensors.noise.normal import PolarNormal
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rays.probe import RayProbe
-from services.sensors.runtime.due import Due
+from services.sensors.runtime.next_event import NextEvent
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 """Between neighbours of a sunflower's head; it never repeats a direction (Vogel 1979)."""
@@ -59,7 +59,7 @@ class RangeModel:
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: sensors.Range) -> None:
         self._spec = spec
         self._frame = vehicle.frame_prefix + spec.frame
-        self._due = Due(Schedule.at(spec.rate_hz))
+        self._due = NextEvent(Schedule.at(spec.rate_hz))
         self._probe = RayProbe(scenario, vehicle, spec.mount)
         self._field_of_view_rad = math.radians(spec.field_of_view_deg)
         self._cone = cone(self._field_of_view_rad, spec.rays)

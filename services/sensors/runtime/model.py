@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a sensor model is to the process that runs it.
+"""Interfaces of sensor models: states in, readings out.
 
-Rule: states in, readings out. A model reads no clock, bus or socket, and gets every state in order,
-without a gap since its construction or its last `restart`.
+A model reads no clock, bus or socket. It gets every state in order, without a gap since its
+construction or its last `restart`.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from groundlink.messages.base import Message, State
 from groundlink.messages.missing_readings import Cause
 
 
-class Beside(NamedTuple):
-    """A message of a sensor that does not belong to its main stream."""
+class StreamMessage(NamedTuple):
+    """A message of a stream other than the sensor's main one."""
 
     output: str
     """Name of its stream, as in `SensorSpec.ros_topics`."""
@@ -34,13 +34,13 @@ class LeftOut(NamedTuple):
     """The stream that lacks it; None for all streams of the sensor."""
 
 
-Made = Message | Beside | LeftOut
+Made = Message | StreamMessage | LeftOut
 """What a sensor makes of a state."""
 
 
-def parted(made: Message | Beside) -> tuple[str, Message]:
+def stream_and_message(made: Message | StreamMessage) -> tuple[str, Message]:
     """Return what a sensor made as the name of its stream, empty for the main one, and message."""
-    return made if isinstance(made, Beside) else ("", made)
+    return made if isinstance(made, StreamMessage) else ("", made)
 
 
 class SensorModel(Protocol):
@@ -71,8 +71,8 @@ class RememberingModel(SensorModel, Protocol):
         """Go on from a predecessor's memory; from an empty one, begin anew."""
 
 
-class Gone:
-    """Stands for a sensor whose vehicle was taken out of the world: it measures nothing."""
+class RemovedSensor:
+    """Model of a sensor whose vehicle was removed from the world: it measures nothing."""
 
     def __init__(self) -> None:
         self._tick = -1
@@ -80,7 +80,7 @@ class Gone:
     def restart(self) -> None:
         """Do nothing."""
 
-    def readings(self, state: State) -> Iterable[Message | Beside]:
+    def readings(self, state: State) -> Iterable[Message | StreamMessage]:
         """Yield nothing."""
         self._tick = state.tick
         return ()

@@ -16,8 +16,8 @@ from groundlink.core.clock import TICK_NANOS, Schedule
 from groundlink.messages.base import BadMessage, Message, State
 from groundlink.scenario.sensors import Optics
 
-from .due import Due
-from .model import Beside, LeftOut, Made
+from .model import LeftOut, Made, StreamMessage
+from .next_event import NextEvent
 
 
 class Watcher(Protocol):
@@ -41,7 +41,7 @@ class PictureModel(ABC):
 
     def __init__(self, spec: Optics, watcher: Watcher, *, span_nanos: int = 0) -> None:
         self._schedule = Schedule.at(spec.rate_hz)
-        self._due = Due(self._schedule)
+        self._due = NextEvent(self._schedule)
         self._watcher = watcher
         self._waiting = 0
         self._span_ticks = -(-span_nanos // TICK_NANOS)
@@ -86,5 +86,5 @@ class PictureModel(ABC):
         return self.taken(event.nanos, event.tick, state.epoch_nanos + event.nanos)
 
     @abstractmethod
-    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | Beside]:
+    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | StreamMessage]:
         """Return the messages of the picture of an instant, the first of which is at `tick`."""

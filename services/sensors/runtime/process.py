@@ -31,9 +31,9 @@ from services.sensors.faults.fault_wrapper import FaultWrapper
 from services.sensors.faults.live import LiveFaults
 from services.sensors.noise.random_streams import RandomStreams
 
-from .model import Beside, Gone, parted
+from .model import RemovedSensor, StreamMessage, stream_and_message
 from .native import NativeLink, NoLink
-from .reading_ledger import Account
+from .reading_ledger import ReadingLedger
 from .runner import SensorProcess
 
 
@@ -122,8 +122,8 @@ def follower(
         for output in sensor_outputs(spec)
     }
 
-    def send(reading: Message | Beside) -> None:
-        output, message = parted(reading)
+    def send(reading: Message | StreamMessage) -> None:
+        output, message = stream_and_message(reading)
         publish[output](message)
         if not output:
             link.send(message, sensor.epoch_nanos)
@@ -136,7 +136,7 @@ def follower(
     )
 
     tell_gaps = publisher(GAPS.key_in(run_name, process=name), GAPS.delivery)
-    account = Account(name, spec.schedule(), publish, tell_gaps)
+    ledger = ReadingLedger(name, spec.schedule(), publish, tell_gaps)
 
     def renew(world: str) -> bool:
         changed = changed_world(bus, run_name, world)
@@ -144,10 +144,10 @@ def follower(
             return False
         found = changed.sensor(name)
         if found is None:
-            account.because("removed")
-            faulty.renew(Gone())
+            ledger.because("removed")
+            faulty.renew(RemovedSensor())
         elif kind.sees_world or faulty.has_gone:
-            account.because("world changed")
+            ledger.because("world changed")
             faulty.renew(make_model(changed, found[0], spec))
         return True
 
@@ -159,7 +159,7 @@ def follower(
         ack_ticks=time.ack_ticks,
         publish=send,
         acknowledge=publisher(ACK.key_in(run_name, process=name), ACK.delivery),
-        account=account,
+        ledger=ledger,
         reconnects=bus.reconnects,
         # Nobody waits for it: what is a window late, which is as far as physics goes ahead of those
         # that it does wait for, has lost its worth.
@@ -182,6 +182,6 @@ def follower(
             "refused": sensor.refused,
             "worlds": sensor.worlds,
         }
-        return counts | counters_of(account.missing) | counted(live.active) | link.counters
+        return counts | counters_of(ledger.missing) | counted(live.active) | link.counters
 
     return StateFollower(name, live, counters, claim)

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a sensor owes the run and what became of it: published, or missing with a cause.
+"""Reading ledger: whether each reading of a sensor was published or is missing, and why.
 
-Rule: every reading that is due is accounted for once and in order, on each stream. That one is
-missing is seen by the number of the one that comes next, or by the sensor being beyond it; so
-nothing has to be told by models, but what they leave out on purpose. What was told by a link that
-is no more may not have come, and is told again.
+Every reading that is due is entered once and in order, for each stream. A gap is found when a later
+reading is published or the sensor has passed its time, so models report only what they leave out on
+purpose. Gaps that were published shortly before a link broke may be lost; they are published again.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.missing_readings import Cause, Gap, Gaps
-from groundlink.messages.reading_schedule import Calendar
+from groundlink.messages.reading_schedule import ReadingSchedule
 
 from .model import LeftOut
 
@@ -35,7 +34,7 @@ class _Missing(NamedTuple):
     cause: Cause
 
 
-class Account:
+class ReadingLedger:
     """The account of one sensor.
 
     Parameters
@@ -56,7 +55,7 @@ class Account:
     def __init__(
         self,
         sensor: str,
-        calendar: Calendar,
+        calendar: ReadingSchedule,
         outputs: Iterable[str],
         publish: Callable[[Gaps], object],
     ) -> None:
@@ -161,7 +160,7 @@ class Account:
         pending.append(_Missing(first, end - 1, cause))
 
 
-class NoAccount:
+class NoReadingLedger:
     """Stands for the account of what owes nothing."""
 
     def because(self, cause: Cause) -> None:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Around a sensor model: feeds it states in order and publishes readings.
+"""Runner of a sensor model: feeds it states in order and publishes its readings.
 
-Rule: everything that is not the sensor. A model is restarted after every gap in ticks, and readings
-that a predecessor has already published are not published again. What is due and does not come is
-told; who may be behind only so far, lets states go and takes up the newest.
+The runner restarts a model after every gap in ticks, does not publish again what a predecessor
+published, and reports readings that are missing. Where nobody waits for the sensor and too many
+states are waiting, it drops all but the newest.
 """
 
 from __future__ import annotations
@@ -17,8 +17,15 @@ from groundlink.core.errors import UserError
 from groundlink.messages.base import Ack, BadMessage, Message, State, measured_nanos
 from groundlink.messages.missing_readings import Cause
 
-from .model import Beside, LeftOut, RememberingModel, SensorModel, SkippingModel, parted
-from .reading_ledger import Account, NoAccount
+from .model import (
+    LeftOut,
+    RememberingModel,
+    SensorModel,
+    SkippingModel,
+    StreamMessage,
+    stream_and_message,
+)
+from .reading_ledger import NoReadingLedger, ReadingLedger
 
 
 def _never(world: str) -> bool:
@@ -29,7 +36,7 @@ def _never(world: str) -> bool:
 class _Memory(msgspec.Struct, array_like=True):
     """What a successor has to know."""
 
-    account: bytes = b""
+    ledger: bytes = b""
     model: bytes = b""
 
 
@@ -42,7 +49,7 @@ class SensorProcess:
         Of the world that the model was made for.
     renew
         Makes the model one for the world of another hash; False where there is none.
-    account
+    ledger
         Of what is due and what becomes of it.
     reconnects
         Tells how often the run had to be joined by another link.
@@ -58,14 +65,14 @@ class SensorProcess:
         expected_world_hash: str,
         renew: Callable[[str], object] = _never,
         ack_ticks: int,
-        publish: Callable[[Message | Beside], object],
+        publish: Callable[[Message | StreamMessage], object],
         acknowledge: Callable[[Ack], object],
-        account: Account | NoAccount | None = None,
+        ledger: ReadingLedger | NoReadingLedger | None = None,
         reconnects: Callable[[], int] = lambda: 0,
         patience_ticks: int | None = None,
     ) -> None:
         self._model = model
-        self._account = account or NoAccount()
+        self._ledger = ledger or NoReadingLedger()
         self._reconnects, self._told_by = reconnects, reconnects()
         self._patience_ticks = patience_ticks
         self._lets_go = False
@@ -102,7 +109,7 @@ class SensorProcess:
 
     def _remember(self, memory: bytes) -> None:
         known = msgspec.msgpack.decode(memory, type=_Memory) if memory else _Memory()
-        self._account.remember(known.account)
+        self._ledger.remember(known.ledger)
         if isinstance(self._model, RememberingModel):
             self._model.remember(known.model)
 
@@ -146,7 +153,7 @@ class SensorProcess:
             self.missed_ticks += state.tick - self.tick - 1
             self._published_to = -1
             self._model.restart()
-            self._account.because(self._gap_cause)
+            self._ledger.because(self._gap_cause)
         self._gap_cause = "states lost"
         self.tick = state.tick
         if self._skipping is not None:
@@ -156,19 +163,19 @@ class SensorProcess:
             made = list(self._model.readings(state))
         except BadMessage:  # a state that is well formed and lacks what is measured
             self.refused += 1
-            self._account.because("states lost")
+            self._ledger.because("states lost")
             return
         for one in made:
             if settled_before < self._published_to:
                 continue
             self._published_to = -1
             if isinstance(one, LeftOut):
-                self._account.left_out(one)
+                self._ledger.left_out(one)
                 continue
             self._publish(one)
             self.readings += 1
-            output, message = parted(one)
-            self._account.published(output, measured_nanos(message) - state.epoch_nanos)
+            output, message = stream_and_message(one)
+            self._ledger.published(output, measured_nanos(message) - state.epoch_nanos)
         if state.tick % self._ack_ticks == 0:
             self.tell_progress()
 
@@ -179,8 +186,8 @@ class SensorProcess:
         instant = self.epoch_nanos + self.tick * TICK_NANOS
         link = self._reconnects()
         again, self._told_by = link != self._told_by, link
-        self._account.tell(settled, stamp_nanos=instant, epoch_nanos=self.epoch_nanos, again=again)
+        self._ledger.tell(settled, stamp_nanos=instant, epoch_nanos=self.epoch_nanos, again=again)
         memory = self._model.memory() if isinstance(self._model, RememberingModel) else b""
-        known = _Memory(self._account.memory(), memory)
+        known = _Memory(self._ledger.memory(), memory)
         self.acknowledged_tick = self.tick
         self._acknowledge(Ack(self._life, self.tick, settled, msgspec.msgpack.encode(known)))

@@ -12,14 +12,14 @@ import numpy as np
 
 from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.core.frames import Floats
-from groundlink.messages import reading_schedule as calendars
+from groundlink.messages.reading_schedule import Blocks
 from groundlink.scenario.sensors import RotatingLidar
 from services.sensors.rays.scene import Reals
 
 from .sweep import Sweep
 
 
-class FiringBlocks(calendars.Blocks):
+class FiringBlocks(Blocks):
     """The blocks of one LiDAR."""
 
     def __init__(self, spec: RotatingLidar, sweep: Sweep) -> None:

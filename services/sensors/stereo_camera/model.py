@@ -13,7 +13,7 @@ from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import StereoCamera
 from services.sensors.rendering.cameras.camera_eye import CameraEye
 from services.sensors.rendering.cameras.messages import ENCODINGS, camera_info, image, jpeg
-from services.sensors.runtime.model import Beside
+from services.sensors.runtime.model import StreamMessage
 from services.sensors.runtime.picture_times import PictureModel
 
 LEFT = ("", "compressed", "camera_info")
@@ -43,22 +43,22 @@ class StereoCameraModel(PictureModel):
         self._frame = vehicle.frame_prefix + spec.frame
         self._outputs = spec.ros_topics().keys()
 
-    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | Beside]:
+    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | StreamMessage]:
         """Return the messages of both pictures that begin at an instant."""
         spec, header = self._spec, (stamp_nanos, self._frame)
-        made: list[Message | Beside] = []
+        made: list[Message | StreamMessage] = []
         for eye, ((raw, compressed, info), baseline_m) in enumerate(
             ((LEFT, 0.0), (RIGHT, spec.baseline_m))
         ):
             colour = self._eyes.read(nanos, tick, eye=eye)
             told = camera_info(*header, self._eyes.pinhole, spec.lens, baseline_m=baseline_m)
-            made.append(Beside(info, told))
+            made.append(StreamMessage(info, told))
             if raw in self._outputs:
                 shown = ENCODINGS[spec.encoding](colour)
                 pixels = image(*header, spec.encoding, shown)
-                made.append(Beside(raw, pixels) if raw else pixels)
+                made.append(StreamMessage(raw, pixels) if raw else pixels)
             if compressed in self._outputs:
                 grey = spec.encoding == "mono8"
                 file = jpeg(*header, colour, grey=grey, quality=spec.jpeg_quality)
-                made.append(Beside(compressed, file))
+                made.append(StreamMessage(compressed, file))
         return made

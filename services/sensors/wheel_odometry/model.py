@@ -22,7 +22,7 @@ from groundlink.messages.navigation import Odometry
 from groundlink.scenario.drives import Ackermann, Differential, SideSteered, SkidSteer, Tracked
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Encoders, WheelOdometry
-from services.sensors.runtime.due import Due
+from services.sensors.runtime.next_event import NextEvent
 from services.sensors.runtime.wheel_counters import WheelCounters, wrapped
 
 from .reckoning import Floats, Reckoned, Reckoning
@@ -73,7 +73,7 @@ class WheelOdometryModel:
         self._pivot_x_m = drive.pivot_x_m(vehicle.model.wheels)
         self._frame = vehicle.frame_prefix + spec.frame
         self._child_frame = vehicle.frame_prefix + vehicle.model.base_frame
-        self._due = Due(Schedule.at(spec.rate_hz))
+        self._due = NextEvent(Schedule.at(spec.rate_hz))
         self._counters = WheelCounters(scenario, vehicle, encoders)
         per_radian = encoders.ticks_per_wheel_revolution / (2 * math.pi)
         self._most_per_second = POSSIBLE * drive.max_wheel_speed_radps * per_radian

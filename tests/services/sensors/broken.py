@@ -25,13 +25,13 @@ from groundlink.messages.base import (
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 from groundlink.messages.missing_readings import Gap, Gaps
 from groundlink.messages.navigation import NavSatFix, Odometry
-from groundlink.messages.reading_schedule import Calendar
+from groundlink.messages.reading_schedule import ReadingSchedule
 from groundlink.scenario.faults import Fault
 from services.sensors.faults.fault_wrapper import FaultWrapper
 from services.sensors.noise.random_streams import RandomStreams
-from services.sensors.runtime.due import Due
 from services.sensors.runtime.model import LeftOut, RememberingModel, SensorModel
-from services.sensors.runtime.reading_ledger import Account
+from services.sensors.runtime.next_event import NextEvent
+from services.sensors.runtime.reading_ledger import ReadingLedger
 from services.sensors.runtime.runner import SensorProcess
 
 EPOCH_NANOS = 1_700_000_000_000_000_000
@@ -79,7 +79,7 @@ class Repeats:
 
     def __init__(self, reading: Reading, rate_hz: float = 100.0, *, takes_ticks: int = 0) -> None:
         self._reading = reading
-        self._due = Due(Schedule.at(rate_hz))
+        self._due = NextEvent(Schedule.at(rate_hz))
         self._takes_ticks = takes_ticks
         self.restart()
 
@@ -155,7 +155,7 @@ class Line:
         self.gaps: list[Gap] = []
 
     def process(
-        self, model: SensorModel, world_hash: str = HASH, calendar: Calendar | None = None
+        self, model: SensorModel, world_hash: str = HASH, calendar: ReadingSchedule | None = None
     ) -> SensorProcess:
         """Return one; with a calendar it tells what of that is missing."""
         return SensorProcess(
@@ -164,7 +164,7 @@ class Line:
             ack_ticks=50,
             publish=self.take,
             acknowledge=self.acks.append,
-            account=calendar and Account("it", calendar, [""], self.miss),
+            ledger=calendar and ReadingLedger("it", calendar, [""], self.miss),
         )
 
     def miss(self, told: Gaps) -> None:

@@ -17,7 +17,7 @@ from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Message, State, encode, measured_nanos, packed
 from groundlink.messages.imagery import CompressedImage
 from groundlink.messages.missing_readings import Gaps
-from groundlink.messages.reading_schedule import Calendar
+from groundlink.messages.reading_schedule import ReadingSchedule
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.inertial import InertialNoise
 from groundlink.scenario.lenses import Imager
@@ -43,9 +43,14 @@ from services.sensors.imu.model import ImuModel
 from services.sensors.lidar.model import LidarModel
 from services.sensors.lidar_2d.model import Lidar2dModel
 from services.sensors.range.model import RangeModel
-from services.sensors.runtime.model import Beside, SensorModel, SkippingModel, parted
+from services.sensors.runtime.model import (
+    SensorModel,
+    SkippingModel,
+    StreamMessage,
+    stream_and_message,
+)
 from services.sensors.runtime.picture_times import PictureModel
-from services.sensors.runtime.reading_ledger import Account
+from services.sensors.runtime.reading_ledger import ReadingLedger
 from services.sensors.runtime.runner import SensorProcess
 from services.sensors.wheel_odometry.model import WheelOdometryModel
 
@@ -77,9 +82,9 @@ class Blank(PictureModel):
             super().restart()
             del self._restarting
 
-    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | Beside]:
+    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | StreamMessage]:
         picture = CompressedImage(stamp_nanos, "", "jpeg", memoryview(b""))
-        return [Beside(output.name, picture) for output in sensor_outputs(self._spec)]
+        return [StreamMessage(output.name, picture) for output in sensor_outputs(self._spec)]
 
 
 def of_rate(kind: type[Any], **fields: Any) -> st.SearchStrategy[Any]:
@@ -178,7 +183,7 @@ class Fed:
     def __init__(self, spec: SensorSpec, *, patience_ticks: int | None = None) -> None:
         rover = replace(MADE.vehicles[0], sensors=(COUNTED, spec))
         self.model = KINDS[type(spec)][1](replace(MADE, vehicles=(rover,)), rover, spec)
-        self.due: Calendar = spec.schedule()
+        self.due: ReadingSchedule = spec.schedule()
         self.came: dict[str, dict[int, bytes]] = {o.name: {} for o in sensor_outputs(spec)}
         self.missing: dict[str, dict[int, str]] = {name: {} for name in self.came}
         self.process = SensorProcess(
@@ -187,12 +192,12 @@ class Fed:
             ack_ticks=50,
             publish=self._publish,
             acknowledge=lambda _: None,
-            account=Account("rover/it", self.due, self.came, self._tell),
+            ledger=ReadingLedger("rover/it", self.due, self.came, self._tell),
             patience_ticks=patience_ticks,
         )
 
-    def _publish(self, made: Message | Beside) -> None:
-        output, message = parted(made)
+    def _publish(self, made: Message | StreamMessage) -> None:
+        output, message = stream_and_message(made)
         reading = self._reading(measured_nanos(message))
         assert reading not in self.came[output]
         self.came[output][reading] = encode(message)

@@ -12,7 +12,7 @@ from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.imagery import CameraInfo
 from groundlink.scenario.sensors import Camera
 from services.sensors.camera.model import CameraModel
-from services.sensors.runtime.model import parted
+from services.sensors.runtime.model import stream_and_message
 from tests.services.sensors.yards import box, resting, yard
 
 SHEETS = {"camera_vga_mono": ("plumb_bob", 415.7), "camera_fisheye": ("equidistant", 305.6)}
@@ -27,7 +27,9 @@ def test_every_sheet_fits_and_its_camera_says_so(name: str) -> None:
     spec = msgspec.convert(sheet | place, Camera)
     assert spec.datasheet
     made = yard(box("crate", (1, 1, 1), (5, 0.8, 0.5)))
-    streams = dict(map(parted, CameraModel(made, made.vehicles[0], spec).readings(resting(1)[0])))
+    streams = dict(
+        map(stream_and_message, CameraModel(made, made.vehicles[0], spec).readings(resting(1)[0]))
+    )
     assert streams.keys() == {"", "camera_info"}
     info = streams["camera_info"]
     assert isinstance(info, CameraInfo)

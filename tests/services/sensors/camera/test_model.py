@@ -22,7 +22,7 @@ from services.sensors.camera.model import CameraModel
 from services.sensors.rendering.cameras.eye import Eye
 from services.sensors.rendering.cameras.messages import jpeg
 from services.sensors.rendering.gl.target import ALL_LAYERS
-from services.sensors.runtime.model import LeftOut, parted
+from services.sensors.runtime.model import LeftOut, stream_and_message
 from services.view.drawing import Seen
 from tests.services.sensors.states import EPOCH_NANOS
 from tests.services.sensors.yards import box, moving, resting, yard
@@ -62,7 +62,7 @@ def taken(
         model.behind(waiting)
         for made in model.readings(state):
             if not isinstance(made, LeftOut):
-                output, message = parted(made)
+                output, message = stream_and_message(made)
                 streams.setdefault(output, []).append(message)
         assert model.settled_tick() in (-1, state.tick - span_ticks)
     return streams
@@ -334,7 +334,7 @@ def test_a_picture_waits_for_the_end_of_its_exposure() -> None:
     assert [tick for tick, made in seen.items() if made] == [9, 14 + 9, 27 + 9]
     first = seen[9][0]
     assert not isinstance(first, LeftOut)
-    assert parted(first)[1].stamp_nanos == EPOCH_NANOS  # type: ignore[attr-defined]
+    assert stream_and_message(first)[1].stamp_nanos == EPOCH_NANOS  # type: ignore[attr-defined]
     assert model.settled_tick() == 39 - 9
     for waiting, skipped in ((14, 3), (12, 0)):
         assert len(left_out(camera(imager=imager), 40, waiting)) == skipped
@@ -387,7 +387,7 @@ def test_pictures_outlive_the_next_one() -> None:
     """Their bytes are the message's own: a fault may hold them up."""
     model, shown = camera(publish="raw"), []
     for state in moving([(0.1 * tick, 0.0, 0.0) for tick in range(30)]):
-        for output, message in map(parted, model.readings(state)):
+        for output, message in map(stream_and_message, model.readings(state)):
             if output == "image":
                 shown.append((message, pixels(message).copy()))
     assert len(shown) == 3

@@ -15,7 +15,7 @@ from groundlink.scenario.sensors import Camera
 from services.sensors.camera.model import CameraModel
 from services.sensors.depth_camera.eyes import DrawnEye, RayEye, depth_eye
 from services.sensors.depth_camera.model import DepthCameraModel
-from services.sensors.runtime.model import parted
+from services.sensors.runtime.model import stream_and_message
 from tests.services.sensors.rendering.opengl import _opengl as _opengl
 from tests.services.sensors.yards import moving
 
@@ -106,8 +106,12 @@ def test_color_and_points_are_behind_the_lens() -> None:
     )
     camera = Camera(name="depth", topic="/image", frame="eye", publish="raw", **shared)
     (state,) = moving([(0.0, 0.0, 0.0)])
-    streams = dict(map(parted, DepthCameraModel(made, made.vehicles[0], sensor).readings(state)))
-    alone = dict(map(parted, CameraModel(made, made.vehicles[0], camera).readings(state)))
+    streams = dict(
+        map(stream_and_message, DepthCameraModel(made, made.vehicles[0], sensor).readings(state))
+    )
+    alone = dict(
+        map(stream_and_message, CameraModel(made, made.vehicles[0], camera).readings(state))
+    )
     color, info = streams["color_image"], streams["camera_info"]
     assert isinstance(color, Image)
     assert isinstance(info, CameraInfo)

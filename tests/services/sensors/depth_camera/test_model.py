@@ -20,7 +20,7 @@ from services.sensors.depth_camera.eyes import RayEye
 from services.sensors.depth_camera.model import DepthCameraModel
 from services.sensors.rendering.cameras.eye import Eye
 from services.sensors.rendering.cameras.messages import jpeg
-from services.sensors.runtime.model import LeftOut, parted
+from services.sensors.runtime.model import LeftOut, stream_and_message
 from tests.services.sensors.rendering.opengl import _opengl as _opengl
 from tests.services.sensors.states import EPOCH_NANOS
 from tests.services.sensors.yards import moving, resting
@@ -47,7 +47,7 @@ def taken(model: DepthCameraModel, run: list[State]) -> dict[str, list[Any]]:
     for state in run:
         for made in model.readings(state):
             assert not isinstance(made, LeftOut)
-            output, message = parted(made)
+            output, message = stream_and_message(made)
             streams.setdefault(output, []).append(message)
         assert model.settled_tick() == state.tick
     return streams

@@ -29,7 +29,13 @@ from services.sensors.encoders.model import EncodersModel
 from services.sensors.faults.fault_wrapper import FaultWrapper
 from services.sensors.imu.model import ImuModel
 from services.sensors.noise.random_streams import RandomStreams
-from services.sensors.runtime.model import Beside, Gone, LeftOut, SensorModel, parted
+from services.sensors.runtime.model import (
+    LeftOut,
+    RemovedSensor,
+    SensorModel,
+    StreamMessage,
+    stream_and_message,
+)
 from tests.services.sensors.broken import READINGS, Counts, Line, Repeats, faulty, stamped
 from tests.services.sensors.states import WHEELS, scenario
 from tests.services.sensors.states import states as moving_states
@@ -194,10 +200,10 @@ class Films(Counts):
     def __init__(self) -> None:
         super().__init__(READINGS[CompressedImage], 40.0)
 
-    def readings(self, state: State) -> Iterator[Message | Beside]:  # type: ignore[override]
+    def readings(self, state: State) -> Iterator[Message | StreamMessage]:  # type: ignore[override]
         for picture in super().readings(state):
             stamp_nanos: int = picture.stamp_nanos  # type: ignore[attr-defined]
-            yield Beside("camera_info", stamped(READINGS[CameraInfo], stamp_nanos))
+            yield StreamMessage("camera_info", stamped(READINGS[CameraInfo], stamp_nanos))
             yield picture
 
 
@@ -213,7 +219,7 @@ def test_the_streams_of_a_sensor_fail_as_one(fault: Fault) -> None:
 
     def said(model: FaultWrapper, states: list[State]) -> list[tuple[int, str, Message]]:
         return [
-            (s.tick, *parted(made))
+            (s.tick, *stream_and_message(made))
             for s in states
             for made in model.readings(s)
             if not isinstance(made, LeftOut)
@@ -252,7 +258,7 @@ def test_a_sensor_that_is_made_anew_keeps_its_faults_until_its_vehicle_has_gone(
     assert not [tick for tick in ticks if 450 < tick < 600]
     assert max(ticks) > 650
     assert not it.has_gone
-    it.renew(Gone())
+    it.renew(RemovedSensor())
     assert it.has_gone
     assert not list(it.readings(STATES[7]))
     assert it.settled_tick() == 7

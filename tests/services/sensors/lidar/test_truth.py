@@ -16,7 +16,7 @@ from groundlink.scenario.schema import Scenario
 from groundlink.world.bodies import NO_BODY, body_names
 from groundlink.world.build import solids
 from groundlink.world.weather import Weather
-from services.sensors.runtime.model import parted
+from services.sensors.runtime.model import stream_and_message
 
 from . import rooms
 
@@ -61,8 +61,8 @@ def pairs(made: Scenario, ticks: int = 82) -> Pairs:
     sensor = rooms.model(made)
     fed = rooms.states(made, ego, ticks, others=[car])
     said = [message for state in fed for message in sensor.readings(state)]
-    assert {output for output, _ in map(parted, said[1::2])} == {"truth"}
-    clouds, truths = said[::2], [message for _, message in map(parted, said[1::2])]
+    assert {output for output, _ in map(stream_and_message, said[1::2])} == {"truth"}
+    clouds, truths = said[::2], [message for _, message in map(stream_and_message, said[1::2])]
     assert clouds, "no cloud"
     assert {type(cloud) for cloud in clouds} == {PointCloud}
     assert {type(truth) for truth in truths} == {TruePoints}
@@ -207,5 +207,5 @@ def test_a_restart_goes_on_with_the_same_truth() -> None:
     made = world(truth=True)
     sensor = rooms.model(made)
     late = list(rooms.states(made, ego, 82, others=[car]))[30:]
-    said = [parted(made)[1] for state in late for made in sensor.readings(state)]
+    said = [stream_and_message(made)[1] for state in late for made in sensor.readings(state)]
     assert said == [*pairs(made)[1]]

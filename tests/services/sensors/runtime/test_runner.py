@@ -14,7 +14,7 @@ from groundlink.messages.base import Ack, Clock, Message, State
 from groundlink.messages.missing_readings import Gaps
 from groundlink.messages.reading_schedule import Events
 from services.sensors.runtime.model import Made
-from services.sensors.runtime.reading_ledger import Account
+from services.sensors.runtime.reading_ledger import ReadingLedger
 from services.sensors.runtime.runner import SensorProcess
 
 HASH = "ab" * 32
@@ -79,7 +79,9 @@ class Bench:
         self.acks: list[Ack] = []
         self.told: list[Gaps] = []
         self.reconnects = 0
-        self.account = Account("rover/it", Events(TICK_RATE_HZ / PERIOD), [""], self.told.append)
+        self.ledger = ReadingLedger(
+            "rover/it", Events(TICK_RATE_HZ / PERIOD), [""], self.told.append
+        )
         self.sensor = SensorProcess(
             self.model,
             expected_world_hash=HASH,
@@ -87,7 +89,7 @@ class Bench:
             ack_ticks=ACK_TICKS,
             publish=self.published.append,
             acknowledge=self.acks.append,
-            account=self.account,
+            ledger=self.ledger,
             reconnects=lambda: self.reconnects,
             patience_ticks=patience_ticks,
         )
@@ -139,7 +141,7 @@ def test_a_gap_is_counted_and_restarts_the_model(bench: Bench) -> None:
     assert bench.sensor.missed_ticks == 10
     assert bench.stamps() == [0, 40, 120, 160, 200]
     assert bench.gaps() == [("states lost", 80, 80, 1)]
-    assert bench.account.missing == {"states lost": 1}
+    assert bench.ledger.missing == {"states lost": 1}
 
 
 def test_repeated_states_are_passed_over(bench: Bench) -> None:
@@ -221,7 +223,7 @@ def test_what_may_have_gone_by_a_dead_link_is_told_again_by_the_next_one(bench: 
     bench.take([*range(230, 245), *range(246, 330)])
     assert bench.gaps() == [lost, lost, later]
     assert bench.told[1].stamp_nanos > bench.told[0].stamp_nanos, "a recorder takes no older one"
-    assert bench.account.missing == {"states lost": 2}
+    assert bench.ledger.missing == {"states lost": 2}
     bench.take(range(330, 13_000))
     bench.reconnects += 1
     bench.take(range(13_000, 13_200))

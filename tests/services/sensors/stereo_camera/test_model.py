@@ -20,7 +20,7 @@ from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Camera, Mount
 from services.sensors.camera.model import CameraModel
 from services.sensors.rendering.cameras.eye import Eye
-from services.sensors.runtime.model import parted
+from services.sensors.runtime.model import stream_and_message
 from services.sensors.stereo_camera.model import StereoCameraModel
 from tests.services.sensors.rendering.views import laboratory
 from tests.services.sensors.states import EPOCH_NANOS
@@ -50,7 +50,7 @@ def taken(run: list[State], made: Scenario, sensor: StereoCamera) -> dict[str, l
     model = StereoCameraModel(made, made.vehicles[0], sensor)
     streams: dict[str, list[Message]] = {}
     for state in run:
-        for output, message in map(parted, model.readings(state)):
+        for output, message in map(stream_and_message, model.readings(state)):
             streams.setdefault(output, []).append(message)
     return streams
 
@@ -109,7 +109,7 @@ def test_the_left_eye_is_a_camera_with_the_same_lens_and_image_sensor(imager: Im
         message
         for state in resting(1)
         for output, message in map(
-            parted, CameraModel(made, made.vehicles[0], camera).readings(state)
+            stream_and_message, CameraModel(made, made.vehicles[0], camera).readings(state)
         )
         if output == "image"
     ]

@@ -19,7 +19,7 @@ from services.sensors.depth_camera.model import DepthCameraModel
 from services.sensors.rendering.gl.target import Frame
 from services.sensors.rendering.look.labels import Labels
 from services.sensors.rendering.portrait.snapshot import Snapshot
-from services.sensors.runtime.model import SensorModel, parted
+from services.sensors.runtime.model import SensorModel, stream_and_message
 from services.sensors.stereo_camera.model import StereoCameraModel
 from tests.services.sensors.states import EPOCH_NANOS
 from tests.services.sensors.yards import box, moving, yard
@@ -49,7 +49,7 @@ def world() -> Scenario:
 def published(made: SensorModel, output: str) -> Any:
     """Return the pixels of the stream's picture at `AT_NANOS`, of a rover that drives."""
     for state in moving([(0.01 * tick, 0.0, 0.0) for tick in range(60)]):
-        for name, message in map(parted, made.readings(state)):
+        for name, message in map(stream_and_message, made.readings(state)):
             if name == output and isinstance(message, Image):
                 if message.stamp_nanos == EPOCH_NANOS + AT_NANOS:
                     shape = (message.height, message.width, -1)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a sensor that measures at single instants is due: the events of its schedule, tick by tick.
+"""Events of a schedule, tick by tick, for sensors that measure at single instants.
 
-Rule: for models that yield at most one measurement a state, as no rate is above that of ticks. What
-is measured over an interval (an IMU's sample, a LiDAR's block) keeps its own time.
+A model yields at most one measurement per state, since no rate exceeds that of ticks. Sensors that
+measure over an interval (an IMU's sample, a LiDAR's block) keep their own time.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Event(NamedTuple):
     """The first at or after it, by whose state it can be measured."""
 
 
-class Due:
+class NextEvent:
     """The next event of a schedule."""
 
     def __init__(self, schedule: Schedule) -> None:
