@@ -14,29 +14,29 @@ from experiments.recording.recordings import RecordedRun, record
 from experiments.recording.setups import Changes, Setup
 
 OUT = Path("build/experiments")
-"""Where all goes, unless somebody says otherwise."""
+"""Default output folder."""
 
 
 @dataclass(frozen=True)
 class ExperimentOptions:
-    """What the command line asks of an experiment."""
+    """Options of an experiment from the command line."""
 
     out: Path
-    """Where recordings, environments, tables and figures go."""
+    """Folder of recordings, environments, tables and figures."""
 
     console: Console
     seeds: tuple[int, ...] = (1, 2, 3)
     short: bool = False
-    """Some seconds of driving instead of all, without limits: for tests."""
+    """A few seconds of driving, without limits, for tests."""
 
     vary: Mapping[str, Changes] = field(default_factory=dict)
-    """Sensors, by name, with fields that are other than the experiment has them."""
+    """Changed fields of sensors, by name."""
 
     figures: str = "figures"
-    """Where figures go, below `out`."""
+    """Folder of figures below `out`."""
 
     def folder(self, *names: str) -> Path:
-        """Return a folder below `out`, which is made."""
+        """Return a folder below `out`, created if missing."""
         folder = self.out.joinpath(*names)
         folder.mkdir(parents=True, exist_ok=True)
         return folder
@@ -53,12 +53,12 @@ class Experiment:
     what: str
     run: Callable[[ExperimentOptions], Sequence[Evaluation]]
     minutes: float
-    """On two cores, environments made and nothing recorded yet."""
+    """Duration on two cores, with environments installed and nothing recorded."""
 
 
 @dataclass(frozen=True)
 class AlignedEstimate:
-    """A way for a figure: what was estimated, over the truth at the same times."""
+    """An estimated trajectory with the truth at the same times."""
 
     label: str
     truth: Trajectory
@@ -66,11 +66,11 @@ class AlignedEstimate:
     """Aligned with the truth."""
 
     raw: Trajectory
-    """As the program had it, in the frame of its map."""
+    """In the map frame of the program."""
 
 
 def record_setup(options: ExperimentOptions, setup: Setup) -> RecordedRun:
-    """Return the recording of a setup, varied as asked; see `record`."""
+    """Return the recording of a setup with the options' changes; see `record`."""
     return record(setup.varied(options.vary), options.out, options.console)
 
 
@@ -87,14 +87,14 @@ def evaluate_estimate(
     limit_m: float = 0.0,
     scale: bool = False,
 ) -> tuple[Evaluation, AlignedEstimate]:
-    """Return how well a program did on a recording.
+    """Evaluate a program's estimate on a recording.
 
     Parameters
     ----------
     tum
         its estimate, of `frame`.
     scale
-        align by Sim(3), for what cannot know its scale.
+        align by Sim(3), for estimates without scale.
     """
     truth = recording.truth(frame)
     errors, matched, aligned = evaluate(truth, tum, options.out, options.console, scale=scale)

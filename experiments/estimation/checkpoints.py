@@ -21,22 +21,22 @@ MM2_PER_M2 = 1e6
 
 @dataclass(frozen=True)
 class CheckpointError:
-    """A checkpoint that the vehicle came by."""
+    """The error at a passed checkpoint."""
 
     checkpoint: str
     seconds: float
     travelled_m: float
     error_m: float
-    """Between the estimated and the true position."""
+    """Distance between estimated and true position."""
 
     sum_mm2: float
-    """Of the squares of all errors up to here."""
+    """Sum of squared errors so far."""
 
 
 def aligned_at_start(estimate: Trajectory, truth: Trajectory) -> Trajectory:
-    """Return an estimate moved and turned as a whole so that it begins at the true pose.
+    """Return an estimate aligned with the truth at its first pose.
 
-    Times of the estimate that the truth does not cover are left out.
+    Poses outside of the truth's time span are dropped.
     """
     true = truth.at(estimate.seconds)
     kept = estimate.between(true.seconds[0], true.seconds[-1])
@@ -72,7 +72,7 @@ def accumulated_errors(
     found: list[CheckpointError] = []
     total = 0.0
     for passage in passages(track, checkpoints_m):
-        # The first and the last are at the ends of the way, where there may be no pose yet.
+        # At both ends of the drive there may be no estimate.
         instant = np.clip(passage.seconds, fitted.seconds[0], fitted.seconds[-1])
         error = (
             fitted.at(np.array([instant])).positions_m - truth.at(np.array([instant])).positions_m

@@ -21,11 +21,11 @@ from groundlink.monitor.supervisor import end_with_parent
 from .programs import DEBIAN_PACKAGES, DRIVERS, ExternalProgram
 
 STAMP = "installed.txt"
-"""The file in an environment that says what was installed."""
+"""File with the installed requirements of an environment."""
 
 
 def python_of(program: ExternalProgram, out: Path, console: Console) -> Path:
-    """Return the Python of a program's environment, which is made where there is none.
+    """Return the Python of a program's environment, created if missing.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def python_of(program: ExternalProgram, out: Path, console: Console) -> Path:
 
 
 def is_installed(program: ExternalProgram, out: Path) -> bool:
-    """Return whether a program's environment exists and has what is wanted today."""
+    """Return whether a program's environment exists and is up to date."""
     stamp = _folder(program, out) / STAMP
     return stamp.exists() and stamp.read_text(encoding="utf-8") == _wanted(program)
 
@@ -73,7 +73,7 @@ def check_libraries(program: ExternalProgram) -> None:
     Raises
     ------
     UserError
-        which names the packages.
+        with the packages to install.
     """
     if missing := [name for name in program.libraries if not _loads(name)]:
         packages = " ".join(DEBIAN_PACKAGES[name] for name in missing)
@@ -101,14 +101,14 @@ def run(
     script: str = "",
     limit_s: float = 900.0,
 ) -> str:
-    """Run a program's driver to its end; return what it printed.
+    """Run a program's driver and return its output.
 
     The last line of its log that begins with `progress ` is shown while it works.
 
     Parameters
     ----------
     script
-        another script of `drivers` than the program's.
+        another script of `drivers`.
 
     Raises
     ------

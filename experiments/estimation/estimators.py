@@ -25,11 +25,11 @@ from .programs import GENZ_LIO, KISS_ICP, SMALL_GICP, YAG_SLAM, ExternalProgram
 
 @dataclass(frozen=True)
 class Estimator:
-    """A program, and how it is run."""
+    """An external program with its settings."""
 
     program: ExternalProgram
     frame: str
-    """Whose trajectory it tells."""
+    """Frame of the estimated trajectory."""
 
     settings: tuple[str, ...] = ()
     """Options of its driver."""
@@ -38,7 +38,7 @@ class Estimator:
 
 
 AT_REST_S = 1.0
-"""By then a vehicle has come to rest on its springs, and still crawls."""
+"""By then a vehicle is at rest on its springs."""
 
 LIDAR_INERTIAL = Estimator(GENZ_LIO, "imu_link", ("--from-s", str(AT_REST_S)))
 KISS = Estimator(KISS_ICP, "lidar_link")
@@ -53,7 +53,7 @@ def tum_of(
     experiment: str,
     case: str = "",
 ) -> Path:
-    """Return the file of an estimate; what else the program writes is beside it."""
+    """Return the file of an estimate; other output of the program is beside it."""
     words = "_".join([estimator.program.name, *case.replace("%", "").split()])
     return options.folder("runs", recording.folder.name) / f"{experiment}_{words}.tum"
 
@@ -69,14 +69,14 @@ def run_estimator(
     bag: Path | None = None,
     limit_m: float = 0.0,
 ) -> tuple[Evaluation, AlignedEstimate]:
-    """Run a program on a recording and return how well it did.
+    """Run a program on a recording and evaluate its estimate.
 
     Parameters
     ----------
     more
         options of its driver, beside its settings.
     bag
-        what it gets in place of the recording's own.
+        bag instead of that of the recording.
     """
     tum = tum_of(options, estimator, recording, experiment, case)
     began_s = time.monotonic()
@@ -103,12 +103,12 @@ def run_estimator(
 def compare_estimators(
     options: ExperimentOptions, setup: Setup, limits: Mapping[Estimator, float]
 ) -> list[Evaluation]:
-    """Run programs on a drive for each seed; draw the first.
+    """Run programs on a drive for each seed; draw the first seed.
 
     Parameters
     ----------
     limits
-        the largest ATE (m) that is accepted of each program; 0 for any.
+        largest accepted ATE (m) of each program; 0 for none.
     """
     results = []
     for seed in options.seeds:

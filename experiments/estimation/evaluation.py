@@ -23,7 +23,7 @@ from .trajectories import Trajectory, read_tum, write_tum
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluation:
-    """One run of one program on one recording."""
+    """Errors of one program on one recording."""
 
     experiment: str
     program: str
@@ -36,17 +36,17 @@ class Evaluation:
 
     largest_m: float
     start_to_end_m: float
-    """After the alignment: how much the way from the first pose to the last is wrong."""
+    """Error of the displacement from the first pose to the last, after alignment."""
 
     way_m: float
-    """Length of the true way between the first pose and the last."""
+    """Length of the true path between the first pose and the last."""
 
     poses: int
     scale: float
-    """What the estimate was multiplied by; 1 where its scale was not touched."""
+    """Scale applied to the estimate; 1 without scale alignment."""
 
     took_s: float
-    """Of the program, on the wall clock."""
+    """Wall-clock time of the program."""
 
     limit_m: float = 0.0
     """Largest ATE that is accepted; 0 for none."""
@@ -123,7 +123,7 @@ def median(results: Sequence[Evaluation], what: str = "ate_m") -> float:
 
 
 def missed(results: Sequence[Evaluation]) -> list[str]:
-    """Return in words which limits are not kept; each is of the median over seeds."""
+    """Return the exceeded limits as text; each applies to the median over seeds."""
     groups: dict[tuple[str, str, str], list[Evaluation]] = {}
     for result in results:
         groups.setdefault((result.experiment, result.program, result.case), []).append(result)

@@ -14,23 +14,23 @@ DRIVERS = Path(__file__).parents[1] / "drivers"
 
 @dataclass(frozen=True, kw_only=True)
 class ExternalProgram:
-    """A program of others."""
+    """An external program."""
 
     name: str
     what: str
     requirements: tuple[str, ...]
-    """What pip installs; wheels alone, unless an option among them says more."""
+    """Requirements for pip; wheels only, unless an option allows more."""
 
     driver: str
-    """The script in `drivers` that feeds it."""
+    """Driver script in `drivers`."""
 
     license: str
     libraries: tuple[str, ...] = ()
-    """Shared libraries of the system that it needs."""
+    """Required shared libraries of the system."""
 
 
 BAG_READER = ("rosbags==0.11.9", "numpy==2.4.6")
-"""What every driver reads bags with."""
+"""Requirements of every driver."""
 
 ROS_2 = (
     "ros-kilted-rclpy==9.1.2",

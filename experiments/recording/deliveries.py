@@ -21,23 +21,22 @@ from groundlink.ros.streams import outgoing
 from groundlink.scenario import Scenario
 
 IN_TRANSIT_NANOS = NANOS // 4
-"""At the end, what was measured so late may not have been sent; at the begin, DDS may not have
-brought the bag and the bridge's node together."""
+"""Ignored time at both ends: late messages may not have been sent, and DDS discovery takes time."""
 
 
 @dataclass(frozen=True)
 class TopicDelivery:
-    """One topic."""
+    """Delivery of one topic."""
 
     topic: str
     sent: int
-    """Messages that its process put on the bus."""
+    """Messages published on the bus."""
 
     arrived: int
-    """Of these, those that are in the bag with the same bytes."""
+    """Messages in the bag with the same bytes."""
 
     other: int
-    """In the bag, and never sent like that."""
+    """Messages in the bag with other bytes."""
 
     @property
     def lost(self) -> int:
@@ -46,14 +45,14 @@ class TopicDelivery:
 
 
 def compare_delivery(bus: Path, bag: Path, scenario: Scenario) -> list[TopicDelivery]:
-    """Return an delivery of each topic that goes to ROS unasked.
+    """Return the delivery of each topic pushed to ROS.
 
     Parameters
     ----------
     bus
         a recording of the run, by Groundlink's own recorder.
     bag
-        what a node in ROS has recorded of it.
+        recording of a ROS node.
     """
     topics = [stream.topic for stream in outgoing(scenario, "") if stream.push]
     first, last = zip(*(_clocks(file) for file in (bus, bag)), strict=True)
@@ -97,7 +96,7 @@ def _digest(cdr: bytes) -> bytes:
 
 
 def loss_summary(deliveries: Sequence[TopicDelivery]) -> str:
-    """Return in words what did not arrive in ROS; empty for nothing."""
+    """Return the losses as text; empty for none."""
     return ", ".join(
         f"{delivery.topic}: {delivery.lost} of {delivery.sent} lost, {delivery.other} changed"
         for delivery in deliveries

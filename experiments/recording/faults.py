@@ -30,7 +30,7 @@ IMU, CLOUD, TF = "sensor_msgs/msg/Imu", "sensor_msgs/msg/PointCloud2", "tf2_msgs
 
 @dataclass(frozen=True)
 class BagFault:
-    """A way in which data can be wrong."""
+    """A fault of recorded data."""
 
     ros_type: str
     """Of the messages that are changed."""
@@ -39,10 +39,10 @@ class BagFault:
     """Changes a message in place."""
 
     words: str
-    """What is wrong."""
+    """Description."""
 
     topics: tuple[str, ...] = ()
-    """Where; empty for all of the type."""
+    """Affected topics; empty for all of the type."""
 
 
 def _gyro_sign(imu: Any) -> None:
@@ -51,7 +51,7 @@ def _gyro_sign(imu: Any) -> None:
 
 
 def _no_gravity(imu: Any) -> None:
-    """Take away what holds the sensor up, by its orientation."""
+    """Remove gravity from the specific force, by the orientation."""
     up = matrix_from_quaternion(xyzw(imu.orientation))[2]
     force = np.array(xyz(imu.linear_acceleration)) - STANDARD_GRAVITY_MPS2 * up
     x, y, z = force.tolist()
@@ -78,7 +78,7 @@ def _late(cloud: Any) -> None:
 
 
 def _tilted(mounts: Any) -> None:
-    """Have the LiDAR look down by some degrees, in tf alone."""
+    """Tilt the LiDAR downwards, in tf only."""
     for entry in mounts.transforms:
         if entry.child_frame_id == "lidar_link":
             turned = multiply(
@@ -100,7 +100,7 @@ FAULTS: dict[str, BagFault] = {
 
 
 def with_fault(bag: Path, out: Path, fault: BagFault) -> int:
-    """Write a bag that has a fault; return how many messages it changed.
+    """Write a bag with a fault; return the number of changed messages.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def with_fault(bag: Path, out: Path, fault: BagFault) -> int:
 
 
 def apply_fault(cdr: bytes, fault: BagFault) -> bytes:
-    """Return a message of the fault's type as the fault has it."""
+    """Return a message with a fault applied."""
     message: Any = STORE.deserialize_cdr(cdr, fault.ros_type)
     fault.spoil(message)
     return bytes(STORE.serialize_cdr(message, fault.ros_type))

@@ -41,15 +41,15 @@ from .setups import ROOT, Setup, loaded
 from .truth import frames_of, truth_of
 
 END_S = 20.0
-"""How long processes may take to end."""
+"""Timeout for processes to end."""
 
 SILENT_S = 180.0
-"""A run whose clock stands for so long on the wall clock is given up."""
+"""Timeout for a run whose clock does not advance."""
 
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """What a run has left: a folder with a bag, the truth, and what arrived of each topic."""
+    """Folder of a recorded run: bag, ground truth, and delivery of each topic."""
 
     folder: Path
 
@@ -70,7 +70,7 @@ class RecordedRun:
 
     @property
     def deliveries(self) -> list[TopicDelivery]:
-        """What was sent and what arrived of each topic."""
+        """Delivery of each topic."""
         return read_deliveries(self.folder / "deliveries.csv")
 
     def truth(self, frame: str = "") -> Trajectory:
@@ -83,12 +83,12 @@ class RecordedRun:
 
 
 def record(setup: Setup, out: Path, console: Console) -> RecordedRun:
-    """Return the recording of a setup; it is made where there is none of these sources yet.
+    """Return the recording of a setup, made if there is none for the current sources.
 
     Raises
     ------
     UserError
-        when the run fails, or one in lockstep has not brought all into the bag.
+        when the run fails, or a lockstep run lost messages.
     """
     folder = out / "recordings"
     folder.mkdir(parents=True, exist_ok=True)
@@ -122,7 +122,7 @@ def _digest(setup: Setup, folder: Path) -> str:
 
 
 def _run(setup: Setup, folder: Path, console: Console) -> None:
-    """Start everything, wait until the bag is full, and end everything."""
+    """Start all processes, wait for the end of the bag, and stop all."""
     bind, peer = (f"127.0.0.1:{free_port()}" for _ in range(2))
     scenario = setup.write(folder, {"bind": bind, "peer": peer})
     run = f"experiment_{os.getpid()}_{random.randrange(10**6)}"
@@ -175,7 +175,7 @@ def _wait(
 
 
 def last_json(log: Path) -> dict[str, float]:
-    """Return the last line of JSON of a log; nothing where there is none."""
+    """Return the last JSON line of a log, or an empty dict."""
     lines = log.read_text(encoding="utf-8").splitlines()
     for line in reversed(lines):
         if line.startswith("{"):
@@ -194,7 +194,7 @@ def process(
     environment: dict[str, str],
     python: str = sys.executable,
 ) -> Iterator[subprocess.Popen[str]]:
-    """Start a Python process whose output goes to a file; end it at last."""
+    """Run a Python process with its output in a file; end it on exit."""
     output: IO[str]
     with log.open("w", encoding="utf-8") as output:
         process = subprocess.Popen(
@@ -220,7 +220,7 @@ def process(
 
 
 def free_port() -> int:
-    """Return a UDP port that nobody has."""
+    """Return a free UDP port."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

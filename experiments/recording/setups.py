@@ -21,7 +21,7 @@ from groundlink.scenario import Scenario
 ROOT = Path(__file__).resolve().parents[2]
 SCENARIOS = ROOT / "scenarios"
 SOURCES = ("groundlink", "services", "udp-bridge/src", "ros/ros2")
-"""What makes the data of a recording, beside its scenario."""
+"""Sources that determine a recording, besides its scenario."""
 
 TRUTH_HZ = 50.0
 """How often the true pose goes along. Between two of them a vehicle moves nearly evenly: where it
@@ -38,7 +38,7 @@ IN_LOCKSTEP: dict[str, Any] = {
     "clock_rate_hz": CLOCK_HZ,
     "answers": {"/recorded": "/clock"},
 }
-"""Nothing is lost however slow the machine is: each clock waits for the bag's word of the last."""
+"""Lossless on any machine: each clock waits for the bag's acknowledgement of the last."""
 
 IN_REAL_TIME: dict[str, Any] = {"mode": "realtime", "epoch": "zero", "clock_rate_hz": CLOCK_HZ}
 """As the paper ran it. What the link loses is lost, but for what `repair` gets back."""
@@ -83,11 +83,11 @@ class Setup:
 
     @property
     def is_lossless(self) -> bool:
-        """Whether ROS is waited for, so that all has to be in the bag."""
+        """Whether the run waits for ROS, so that the bag must be complete."""
         return self.time.get("lockstep") == "ros"
 
     def varied(self, vary: Mapping[str, Changes]) -> Setup:
-        """Return the same with other fields of some sensors.
+        """Return the setup with changed fields of sensors.
 
         Raises
         ------
@@ -139,7 +139,7 @@ class Setup:
         return file
 
     def digest(self, folder: Path) -> str:
-        """Return what names the recording: of the resolved scenario, the length, the sources."""
+        """Return the digest of the resolved scenario, the duration and the sources."""
         scenario = load(self.write(folder))
         told = msgspec.json.encode([scenario, self.seconds, sources_digest()], order="sorted")
         return hashlib.blake2b(told, digest_size=6).hexdigest()
@@ -174,7 +174,7 @@ def waypoints(
 
 
 def sources_digest() -> str:
-    """Return a digest of the simulator's sources: other sources may make other data."""
+    """Return a digest of the simulator's sources."""
     digest = hashlib.blake2b(digest_size=8)
     for folder in SOURCES:
         for file in sorted((ROOT / folder).rglob("*")):

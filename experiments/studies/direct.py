@@ -37,7 +37,7 @@ SAME_M = 1e-6
 
 @dataclass(frozen=True)
 class LidarSweep:
-    """A cloud in numbers."""
+    """A LiDAR sweep."""
 
     stamp_s: float
     points_m: Floats
@@ -49,7 +49,7 @@ class LidarSweep:
 
 @dataclass(frozen=True)
 class CheckedQuantity:
-    """A quantity of which it is known what it has to be."""
+    """A quantity with an expected value."""
 
     words: str
     value: float
@@ -58,7 +58,7 @@ class CheckedQuantity:
 
     @property
     def holds(self) -> bool:
-        """Whether it is what it has to be."""
+        """Whether the value is within its tolerance."""
         return abs(self.value - self.expected) <= self.tolerance
 
 

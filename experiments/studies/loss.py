@@ -30,18 +30,18 @@ RESENT: Any = {"resend": 0.5}
 
 
 class LossyLink(NamedTuple):
-    """A way to ROS."""
+    """A link to ROS."""
 
     lost: float
     """Share of datagrams."""
 
     repair: Any = "none"
     datagram: str = "loopback"
-    """How large they are: as on one machine, or as over a network."""
+    """Datagram size: `loopback` or `mtu`."""
 
     @property
     def words(self) -> str:
-        """What tables call it."""
+        """Name in tables."""
         small = ", datagrams of 1,472 bytes" if self.datagram == "mtu" else ""
         return f"{100 * self.lost:g} % lost{small}{', repaired' if self.repair == RESENT else ''}"
 
