@@ -103,7 +103,7 @@ class Wheel(Spec, frozen=True, kw_only=True):
     that swivels freely. A few hundredths stand for its rolling resistance."""
 
     suspension: Suspension | None = None
-    """None: the vehicle's. There is always one: where the real wheel has no spring, its tyre."""
+    """None: the vehicle's. There is always one: where the real wheel has no spring, its tire."""
 
     material: str = "rubber"
     """What it looks like: a cylinder of radius and width about its axle, the link's y."""

@@ -46,5 +46,5 @@ def test_links_are_those_of_the_state() -> None:
     assert len(link_solids(model)) == len(model.link_names())
     wheel = meshes.mesh(link_solids(model)[1], SCENARIO.world.materials)
     size = np.ptp(wheel.vertices, axis=0)
-    # A tyre 0.1143 m wide, whose hub sticks out to 0.126 m.
+    # A tire 0.1143 m wide, whose hub sticks out to 0.126 m.
     assert np.allclose(size, [2 * 0.1651, 0.126, 2 * 0.1651], rtol=0.01)

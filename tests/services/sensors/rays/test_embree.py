@@ -30,7 +30,7 @@ def _load_anew() -> Iterator[None]:
     ("load", "module", "advice"),
     [
         (embree.library, "embreex", r"pip install groundlink\[sensors\]"),
-        (kernels.kernels, "services.sensors.rays._kernels", "install one"),
+        (kernels.kernels, "services.sensors.rays._kernels", "Fix: install gcc or clang"),
     ],
 )
 def test_a_missing_library_is_one_line_with_advice(
