@@ -181,11 +181,11 @@ class Ledger:
         """Return what was due in each episode, as far as it goes, or first went in the last one."""
         epochs = sorted(self._clock_nanos)
         return [
-            self._life(sensor, epoch, after, i, until)
+            self._episode(sensor, epoch, after, i, until)
             for i, (epoch, after) in enumerate(pairwise([*epochs, NEVER]))
         ]
 
-    def _life(
+    def _episode(
         self, sensor: _Sensor, epoch: int, after: int, i: int, until: tuple[int, ...]
     ) -> _Due:
         def number(stamp_nanos: int) -> int:

@@ -74,7 +74,7 @@ class LiveFaults:
         self._report = report
         self._acknowledge = acknowledge
         self._turn = threading.Lock()
-        self._life: int | None = None
+        self._episode: int | None = None
         self._reported: tuple[Fault, ...] | None = None
 
     @property
@@ -99,16 +99,16 @@ class LiveFaults:
         """
         with self._turn:
             self._sensor.resume(ack)
-            has_reported = self._life is None
-            self._life = ack.episode
+            has_reported = self._episode is None
+            self._episode = ack.episode
             self._reported = self._model.active(ack.settled_tick) if has_reported else None
 
     def take(self, state: State, waiting: int = 0) -> None:
         """Take one state, in order; report changes. `waiting` more states have arrived."""
         with self._turn:
             self._sensor.take(state, waiting)
-            if state.episode != self._life:
-                self._life = state.episode
+            if state.episode != self._episode:
+                self._episode = state.episode
                 # A process that joins a running episode may follow one that had faults.
                 self._reported = None if state.tick else ()
             if self._sensor.tick == state.tick and self.active != self._reported:

@@ -88,7 +88,7 @@ class SensorProcess:
         self._acknowledge = acknowledge
         self.acknowledged_tick = -1
         self.epoch_nanos = 0
-        self._life: int | None = None
+        self._episode: int | None = None
         self._published_to = -1
         self.tick = -1
         self.readings = 0
@@ -98,7 +98,7 @@ class SensorProcess:
     def resume(self, ack: Ack) -> None:
         """Go on where a predecessor stopped: what it has settled is not published again."""
         self._model.restart()
-        self._life = ack.episode
+        self._episode = ack.episode
         self._published_to = ack.settled_tick
         # Others may need earlier states; what is remembered here is of the settled tick.
         self.tick = max(ack.settled_tick, 0) - 1
@@ -130,7 +130,7 @@ class SensorProcess:
         UserError
             when physics simulates another world than this replica holds.
         """
-        if state.episode == self._life and state.tick <= self.tick:
+        if state.episode == self._episode and state.tick <= self.tick:
             return
         if self._is_let_go(waiting):
             return
@@ -144,8 +144,8 @@ class SensorProcess:
             self._expected_world_hash = state.world_hash
             self.worlds += 1
         self.epoch_nanos = state.epoch_nanos
-        if state.episode != self._life:
-            self._life, self._published_to, self.tick = state.episode, -1, -1
+        if state.episode != self._episode:
+            self._episode, self._published_to, self.tick = state.episode, -1, -1
             self.acknowledged_tick = -1
             self._model.restart()
             self._remember(b"")
@@ -181,7 +181,7 @@ class SensorProcess:
 
     def tell_progress(self) -> None:
         """Tell what is missing, and acknowledge the last state with what a successor must know."""
-        assert self._life is not None, "no state was taken"
+        assert self._episode is not None, "no state was taken"
         settled = self._model.settled_tick()
         instant = self.epoch_nanos + self.tick * TICK_NANOS
         link = self._reconnects()
@@ -190,4 +190,4 @@ class SensorProcess:
         memory = self._model.memory() if isinstance(self._model, RememberingModel) else b""
         known = _Memory(self._ledger.memory(), memory)
         self.acknowledged_tick = self.tick
-        self._acknowledge(Ack(self._life, self.tick, settled, msgspec.msgpack.encode(known)))
+        self._acknowledge(Ack(self._episode, self.tick, settled, msgspec.msgpack.encode(known)))
