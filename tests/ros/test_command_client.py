@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wishes on their way to a gateway that loses some, is silent, or is not alone."""
+"""Commands to a gateway that loses some, is silent, or is one of several."""
 
 from __future__ import annotations
 
@@ -15,58 +15,58 @@ GATEWAY = ("127.0.0.1", 7510)
 OTHER = ("127.0.0.1", 7520)
 
 Reply = Callable[[RunCommand, int], RunCommandReply | None]
-"""Given a wish and how often it came before, what the gateway answers."""
+"""Returns the gateway's reply to a command that arrived so often before."""
 
 
 class Gateway:
     """Stands for the link and the gateway behind it."""
 
     def __init__(self, reply: Reply) -> None:
-        self.wishes: list[tuple[RunCommand, tuple[str, int]]] = []
+        self.commands: list[tuple[RunCommand, tuple[str, int]]] = []
         self.now_nanos = 0
         self._reply = reply
         self.client = RunCommandClient(self.send, timeout_s=0.5, now_nanos=lambda: self.now_nanos)
 
-    def send(self, wish: RunCommand, to: tuple[str, int]) -> None:
-        before = sum(earlier.number == wish.number for earlier, _ in self.wishes)
-        self.wishes.append((wish, to))
-        if answer := self._reply(wish, before):
+    def send(self, command: RunCommand, to: tuple[str, int]) -> None:
+        before = sum(earlier.number == command.number for earlier, _ in self.commands)
+        self.commands.append((command, to))
+        if answer := self._reply(command, before):
             self.client.reply_received(answer, to)
 
 
-def paused(wish: RunCommand, before: int) -> RunCommandReply:
-    return RunCommandReply(wish.number, PAUSED, 7)
+def paused(command: RunCommand, before: int) -> RunCommandReply:
+    return RunCommandReply(command.number, PAUSED, 7)
 
 
-def test_a_wish_is_answered() -> None:
+def test_a_command_is_answered() -> None:
     gateway = Gateway(paused)
     gateway.client.gateway_seen(GATEWAY)
     assert gateway.client.call(PAUSE).tick == 7
-    [(wish, to)] = gateway.wishes
-    assert (wish.action, wish.ticks, to) == (PAUSE, 0, GATEWAY)
+    [(command, to)] = gateway.commands
+    assert (command.action, command.ticks, to) == (PAUSE, 0, GATEWAY)
 
 
 def test_what_is_lost_is_sent_again_with_the_same_number() -> None:
-    gateway = Gateway(lambda wish, before: paused(wish, before) if before == 2 else None)
+    gateway = Gateway(lambda command, before: paused(command, before) if before == 2 else None)
     gateway.client.gateway_seen(GATEWAY)
     gateway.client.call(RESET)
-    assert len(gateway.wishes) == 3
-    assert len({wish.number for wish, _ in gateway.wishes}) == 1
+    assert len(gateway.commands) == 3
+    assert len({command.number for command, _ in gateway.commands}) == 1
 
 
-def test_each_wish_has_a_number_of_its_own_that_grows() -> None:
+def test_each_command_has_a_number_of_its_own_that_grows() -> None:
     gateway = Gateway(paused)
     gateway.client.gateway_seen(GATEWAY)
     for _ in range(20):
         gateway.client.call(PAUSE)
-    numbers = [wish.number for wish, _ in gateway.wishes]
+    numbers = [command.number for command, _ in gateway.commands]
     assert numbers == sorted(set(numbers))
 
 
 def test_answers_to_others_and_of_others_count_for_nothing() -> None:
-    def reply(wish: RunCommand, before: int) -> None:
-        gateway.client.reply_received(RunCommandReply(wish.number + 1, RUNNING, 1), GATEWAY)
-        gateway.client.reply_received(RunCommandReply(wish.number, RUNNING, 1), OTHER)
+    def reply(command: RunCommand, before: int) -> None:
+        gateway.client.reply_received(RunCommandReply(command.number + 1, RUNNING, 1), GATEWAY)
+        gateway.client.reply_received(RunCommandReply(command.number, RUNNING, 1), OTHER)
 
     gateway = Gateway(reply)
     gateway.client.gateway_seen(GATEWAY)
@@ -77,7 +77,9 @@ def test_answers_to_others_and_of_others_count_for_nothing() -> None:
 
 
 def test_why_it_could_not_be_done() -> None:
-    gateway = Gateway(lambda wish, _: RunCommandReply(wish.number, RUNNING, 1, "physics is busy"))
+    gateway = Gateway(
+        lambda command, _: RunCommandReply(command.number, RUNNING, 1, "physics is busy")
+    )
     gateway.client.gateway_seen(GATEWAY)
     with pytest.raises(CommandFailed, match=r"^physics is busy$"):
         gateway.client.call(PAUSE)
@@ -91,14 +93,14 @@ def test_a_gateway_that_fell_silent_is_asked_where_no_other_is_there() -> None:
     gateway.client.gateway_seen(GATEWAY)
     for gateway.now_nanos in (PRESENT_NANOS, 10 * PRESENT_NANOS):
         gateway.client.call(PAUSE)
-    assert [to for _, to in gateway.wishes] == [OTHER, GATEWAY, GATEWAY]
+    assert [to for _, to in gateway.commands] == [OTHER, GATEWAY, GATEWAY]
 
 
 def test_where_there_was_never_a_gateway() -> None:
     gateway = Gateway(paused)
     with pytest.raises(CommandFailed, match="no gateway was heard yet"):
         gateway.client.call(PAUSE)
-    assert gateway.wishes == []
+    assert gateway.commands == []
 
 
 def test_a_gateway_that_comes_is_waited_for() -> None:
@@ -115,12 +117,12 @@ def test_which_of_two_gateways_is_not_guessed() -> None:
     gateway.client.gateway_seen(GATEWAY)
     with pytest.raises(CommandFailed, match=r"127\.0\.0\.1:7510, 127\.0\.0\.1:7520; name one"):
         gateway.client.call(PAUSE)
-    assert gateway.wishes == []
+    assert gateway.commands == []
 
 
 def test_nobody_waits_when_it_is_over() -> None:
-    gateway = Gateway(lambda wish, before: gateway.client.close())
+    gateway = Gateway(lambda command, before: gateway.client.close())
     gateway.client.gateway_seen(GATEWAY)
     with pytest.raises(CommandFailed, match="the bridge is ending"):
         gateway.client.call(PAUSE)
-    assert len(gateway.wishes) == 1
+    assert len(gateway.commands) == 1

@@ -23,11 +23,11 @@ Address = tuple[str, int]
 
 
 class Simulator:
-    """A gateway that wishes for commands, and answers wishes where it is not silent."""
+    """A gateway that subscribes, and replies to commands unless it is silent."""
 
     def __init__(self, node: Address, *, is_silent: bool = False) -> None:
         self.node = node
-        self.wishes: list[RunCommand] = []
+        self.commands: list[RunCommand] = []
         self._is_silent = is_silent
         self._is_over = threading.Event()
         self.link = Link(("127.0.0.1", 0), on_message=self._on_message)
@@ -41,12 +41,12 @@ class Simulator:
 
     def _on_message(self, message: Message, sender: Address) -> None:
         if message.msg_type == CONTROL and isinstance(
-            wish := control.parse(message.body), RunCommand
+            command := control.parse(message.body), RunCommand
         ):
-            self.wishes.append(wish)
+            self.commands.append(command)
             if not self._is_silent:
-                ticks = sum({wish.number: wish.ticks for wish in self.wishes}.values())
-                answer = RunCommandReply(wish.number, PAUSED, ticks)
+                ticks = sum({command.number: command.ticks for command in self.commands}.values())
+                answer = RunCommandReply(command.number, PAUSED, ticks)
                 self.link.send(CONTROL, "", "", time.time_ns(), answer.pack(), sender)
 
     def close(self) -> None:
@@ -79,7 +79,7 @@ def test_names_stand_under_the_nodes_and_steps_are_as_many_as_the_parameter_says
     with simulator(address) as it, calling(ros, "/rig/bridge") as caller:
         assert caller.trigger("step") == (True, "paused at tick 40")
         assert caller.trigger("state") == (True, "paused at tick 40")
-        assert {wish.ticks for wish in it.wishes if wish.action == STEP} == {40}
+        assert {command.ticks for command in it.commands if command.action == STEP} == {40}
         with calling(ros, "") as other:
             assert other.trigger("stand_still") == (True, "paused at tick 40")
 
@@ -100,15 +100,15 @@ def test_of_two_gateways_the_peer_is_told(ros: Ros) -> None:
             assert not is_done
             for it in (one, other):
                 assert f"127.0.0.1:{it.link.address[1]}" in said
-        assert one.wishes == other.wishes == []
+        assert one.commands == other.commands == []
 
         peer = f"peer:=127.0.0.1:{one.link.address[1]}"
         _, one.node = ros.bridge("--ros-args", "-p", peer, "-r", "__node:=sure")
         other.node = one.node
         with calling(ros, "/sure") as caller:
             assert caller.trigger("pause") == (True, "paused at tick 0")
-        assert one.wishes
-        assert not other.wishes
+        assert one.commands
+        assert not other.commands
 
 
 def test_while_one_waits_data_flow_and_the_node_ends_at_once(ros: Ros) -> None:
@@ -118,14 +118,14 @@ def test_while_one_waits_data_flow_and_the_node_ends_at_once(ros: Ros) -> None:
         waiting = threading.Thread(target=caller.trigger, args=["pause"], daemon=True)
         waiting.start()
         stamp = 0
-        while len(it.wishes) < 30:  # three seconds
+        while len(it.commands) < 30:  # three seconds
             stamp += 10_000_000
             it.link.send(type_number("Imu"), "/imu", "imu", stamp, imu(stamp), address)
             time.sleep(0.01)
         listener.wait_for_stamp("/imu", stamp)
         assert waiting.is_alive()
         assert node.end() == 0
-        assert len(it.wishes) < 70, "it did not wait for the 80th"
+        assert len(it.commands) < 70, "it did not wait for the 80th"
         caller.process.kill()
         waiting.join(20)
 

@@ -83,8 +83,8 @@ def test_a_node_in_cpp_publishes_the_same_bytes_and_sends_twists(ros1: Ros1, pro
 
                 wait_for(arrives, 20, name)
             driver = ros1.start(str(Path(__file__).with_name("driver.py")))
-            wish = Header(7, 0, 0, 1, 0, 0, "/cmd_vel").pack() + struct.pack("<BBHf", 9, 1, 5, 0)
-            ours.sendto(wish, address)
+            request = Header(7, 0, 0, 1, 0, 0, "/cmd_vel").pack() + struct.pack("<BBHf", 9, 1, 5, 0)
+            ours.sendto(request, address)
             ours.settimeout(20)
             reports = {}
             while (datagram := ours.recv(65536))[0] != 9:

@@ -201,8 +201,8 @@ def main() -> None:
     body = pack_typed(magnetic, STORE.serialize_cdr(ros, magnetic))
     wire = WireMessage(TYPED, "/magnetic_field", "imu_link", STAMP, 18, body)
     _write("magnetic-field", wire, {"ros_type": magnetic, "message": plain(ros)})
-    wish = WireMessage(type_number("Subscribe"), "/odom", "", STAMP, 14, SUBSCRIBE.pack())
-    _write("subscribe", wish, SUBSCRIBE._asdict())
+    request = WireMessage(type_number("Subscribe"), "/odom", "", STAMP, 14, SUBSCRIBE.pack())
+    _write("subscribe", request, SUBSCRIBE._asdict())
 
 
 if __name__ == "__main__":

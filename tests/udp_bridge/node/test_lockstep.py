@@ -35,7 +35,7 @@ class StandIn:
 
     def __init__(self) -> None:
         self.published: list[Message] = []
-        self.words: list[BarrierReply] = []
+        self.replies: list[BarrierReply] = []
         self.warnings: list[str] = []
         self.topics = [(TWIST, "/cmd_vel")]
         self._known: set[str] = set()
@@ -82,7 +82,7 @@ class StandIn:
         assert (kind, to) == (CONTROL, GATEWAY)
         said = control.parse(body)
         assert isinstance(said, BarrierReply)
-        self.words.append(said)
+        self.replies.append(said)
 
 
 class Rig:
@@ -135,23 +135,23 @@ def started_again(rig: Rig) -> None:
 def test_who_is_there_from_the_begin_gives_its_word_when_all_is_answered(rig: Rig) -> None:
     rig.told(-1, first=0)
     rig.turn()
-    assert rig.ros.words[-1].state == DONE
+    assert rig.ros.replies[-1].state == DONE
     rig.told(0, first=0)
     rig.turn(4 * SETTLE_S)
     assert rig.numbers("/odom") == [0]
     for _ in range(10):  # a controller may take its time
         rig.turn(GIVE_UP_S / 2)
-    assert rig.ros.words[-1].state == WAITING
+    assert rig.ros.replies[-1].state == WAITING
     rig.half.received("/cmd_vel")
     rig.turn()
-    assert rig.ros.words[-1] == BarrierReply(LIFE, 0, DONE)
+    assert rig.ros.replies[-1] == BarrierReply(LIFE, 0, DONE)
     assert rig.ros.warnings == ["lockstep: tick 0 waits for a message on /cmd_vel"]
 
 
 def test_a_successor_asks_for_what_was_sent_before_it_was_there(rig: Rig) -> None:
     rig.told(8, first=5, come=False)
     rig.turn(SETTLE_S)
-    assert [word.state for word in rig.ros.words] == [RESTARTED, RESTARTED]
+    assert [reply.state for reply in rig.ros.replies] == [RESTARTED, RESTARTED]
     assert rig.ros.published == []
 
 
@@ -164,20 +164,20 @@ def test_what_comes_again_is_published_when_it_can_be_heard_and_has_to_be_answer
     assert rig.ros.published == []
     rig.turn(2 * SETTLE_S)
     assert rig.numbers("/odom") == [6]
-    assert rig.ros.words[-1].state == WAITING
+    assert rig.ros.replies[-1].state == WAITING
     rig.half.received("/cmd_vel")
     rig.turn()
-    assert rig.ros.words[-1] == BarrierReply(LIFE, 8, DONE)
+    assert rig.ros.replies[-1] == BarrierReply(LIFE, 8, DONE)
 
 
 def test_an_answer_that_a_predecessor_may_have_got_is_given_up(rig: Rig) -> None:
     started_again(rig)
     assert rig.numbers("/odom") == [6]
     rig.turn(GIVE_UP_S / 2)
-    assert rig.ros.words[-1].state == WAITING
+    assert rig.ros.replies[-1].state == WAITING
     rig.turn(GIVE_UP_S / 2)
     rig.turn(1.0)
-    assert rig.ros.words[-1] == BarrierReply(LIFE, 8, DONE)
+    assert rig.ros.replies[-1] == BarrierReply(LIFE, 8, DONE)
     assert any("tick 8 continues without a message on /cmd_vel" in one for one in rig.ros.warnings)
 
 
@@ -190,4 +190,4 @@ def test_once_a_tick_was_answered_answers_are_awaited_for_as_long_as_it_takes(ri
     assert rig.numbers("/odom") == [6, 7]
     for _ in range(10):
         rig.turn(GIVE_UP_S / 2)
-    assert rig.ros.words[-1].state == WAITING
+    assert rig.ros.replies[-1].state == WAITING

@@ -32,10 +32,10 @@ BARRIER_BYTES = bytes.fromhex(
     "09 08 05 00  2f 63 6d 64 5f 76 65 6c  2f 6f 64 6f 6d"
     "00 06 06 00  2f 72 65 61 64 79  2f 63 6c 6f 63 6b"
 )
-WORD = BarrierReply(
+REPLY = BarrierReply(
     episode=1, tick=-1, state=WAITING, lost=3, sent=(SentMessages(9, "/cmd_vel", 5, 0xFFFF),)
 )
-WORD_BYTES = bytes.fromhex(
+REPLY_BYTES = bytes.fromhex(
     "05 01 01 00  03 00 00 00  01 00 00 00 00 00 00 00  ff ff ff ff ff ff ff ff"
     "09 08 ff ff  05 00 00 00  2f 63 6d 64 5f 76 65 6c"
 )
@@ -43,7 +43,7 @@ WORD_BYTES = bytes.fromhex(
 
 @pytest.mark.parametrize(
     ("value", "body"),
-    [(BARRIER, BARRIER_BYTES), (WORD, WORD_BYTES)],
+    [(BARRIER, BARRIER_BYTES), (REPLY, REPLY_BYTES)],
     ids=["Barrier", "BarrierReply"],
 )
 def test_bodies_to_the_byte(value: Barrier | BarrierReply, body: bytes) -> None:
@@ -107,8 +107,8 @@ def test_any_bytes_are_refused_or_mean_the_same_when_packed_again(kind: int, res
         (BARRIER_BYTES, 32, 0),  # NUL in a name
         (BARRIER_BYTES, 33, 0xFF),  # no UTF-8
         (BARRIER_BYTES, 51, 7),  # type of an answer: no ROS type
-        (WORD_BYTES, 2, 4),  # no state
-        (WORD_BYTES, 16, 0xFE),  # tick -2
+        (REPLY_BYTES, 2, 4),  # no state
+        (REPLY_BYTES, 16, 0xFE),  # tick -2
     ],
 )
 def test_bad_values_are_refused(body: bytes, at: int, byte: int) -> None:
@@ -136,10 +136,10 @@ def test_an_empty_name_is_refused() -> None:
         BARRIER._replace(sent=(SentMessages(8, "/clock", 0, 1),) * 256),
         BARRIER._replace(sent=(SentMessages(8, "/clock", 0, 1), SentMessages(8, "/clock", 1, 1))),
         BARRIER._replace(sent=(SentMessages(8, "/clock", 0, 0),)),
-        WORD._replace(sent=(SentMessages(9, "/" * 256, 0, 1),)),
-        WORD._replace(sent=(SentMessages(9, "/cmd_vel", 0, 65536),)),
-        WORD._replace(state=4),
-        WORD._replace(tick=-2),
+        REPLY._replace(sent=(SentMessages(9, "/" * 256, 0, 1),)),
+        REPLY._replace(sent=(SentMessages(9, "/cmd_vel", 0, 65536),)),
+        REPLY._replace(state=4),
+        REPLY._replace(tick=-2),
     ],
 )
 def test_what_no_peer_takes_is_not_packed(value: Barrier | BarrierReply) -> None:

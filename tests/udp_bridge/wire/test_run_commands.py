@@ -48,7 +48,7 @@ def test_bodies_to_the_byte(value: RunCommand | RunCommandReply, text: str) -> N
 
 
 NUMBERS = st.integers(0, 2**64 - 1)
-WISHES = st.builds(
+COMMANDS = st.builds(
     RunCommand, NUMBERS, st.sampled_from([QUERY, PAUSE, RESET]), st.just(0)
 ) | st.builds(RunCommand, NUMBERS, st.just(STEP), st.integers(1, 2**32 - 1))
 TEXTS = st.text(st.characters(blacklist_categories=["Cs"], blacklist_characters="\0"), max_size=200)
@@ -61,7 +61,7 @@ ANSWERS = st.builds(
 )
 
 
-@given(WISHES | ANSWERS)
+@given(COMMANDS | ANSWERS)
 def test_what_is_packed_is_parsed(value: RunCommand | RunCommandReply) -> None:
     assert control.parse(value.pack()) == value
 
@@ -79,7 +79,7 @@ def test_any_bytes_are_refused_or_mean_the_same_when_packed_again(kind: int, res
 @pytest.mark.parametrize(
     ("body", "reason"),
     [
-        ("06 05 00 00  00 00 00 00  01 00 00 00 00 00 00 00", "body_value"),  # no such wish
+        ("06 05 00 00  00 00 00 00  01 00 00 00 00 00 00 00", "body_value"),  # no such command
         ("06 03 00 00  00 00 00 00  01 00 00 00 00 00 00 00", "body_value"),  # a step of nothing
         ("06 01 00 00  01 00 00 00  01 00 00 00 00 00 00 00", "body_value"),  # a pause of a tick
         ("06 01 00 00  00 00 00 00  01 00 00 00 00 00 00 00 00", "body_size"),

@@ -48,7 +48,7 @@ class Ros2Node(Node):
 
     def __init__(self, **given: str | None) -> None:
         overrides = [
-            Parameter(name, value=word) for name, word in given.items() if word is not None
+            Parameter(name, value=text) for name, text in given.items() if text is not None
         ]
         super().__init__("udp_bridge", parameter_overrides=overrides)
         settings = {
