@@ -57,7 +57,7 @@ def main() -> None:
     write(options.out, rows)
 
 
-class Odometry:
+class OdometryTrack:
     """x, y and yaw over time."""
 
     def __init__(self, rows: list[Row]) -> None:
@@ -94,7 +94,7 @@ def yaw_of(q: Any) -> float:
     return math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
 
 
-def read(options: argparse.Namespace) -> tuple[list[Any], Odometry, Pose]:
+def read(options: argparse.Namespace) -> tuple[list[Any], OdometryTrack, Pose]:
     """Return all scans, the odometry, and base_from_scan as x, y, yaw."""
     scans: list[Any] = []
     rows: list[Row] = []
@@ -117,7 +117,7 @@ def read(options: argparse.Namespace) -> tuple[list[Any], Odometry, Pose]:
                     mounts[link.child_frame_id] = at
     if not scans or len(rows) < 2:
         sys.exit(f"{options.bag}: {len(scans)} scans on {options.scan}, {len(rows)} odometry")
-    return scans, Odometry(rows), mounts.get(scans[0].header.frame_id, (0.0, 0.0, 0.0))
+    return scans, OdometryTrack(rows), mounts.get(scans[0].header.frame_id, (0.0, 0.0, 0.0))
 
 
 def compose(a: Pose, b: Pose) -> Pose:
@@ -142,7 +142,9 @@ def choose(poses: Sequence[Pose], move_m: float, turn: float) -> list[int]:
     return chosen
 
 
-def straightened(scan: Any, odometry: Odometry, scan_in_base: Pose, limit_m: float) -> list[float]:
+def straightened(
+    scan: Any, odometry: OdometryTrack, scan_in_base: Pose, limit_m: float
+) -> list[float]:
     """Return ranges as a scanner would measure them that stands where this one was in the middle.
 
     The points are put where they were measured from, and sorted into the same directions again.
@@ -198,7 +200,7 @@ class Mapper:
         )
         self._times_s: list[float] = []
 
-    def add(self, scan: Any, odometry: Odometry) -> Row:
+    def add(self, scan: Any, odometry: OdometryTrack) -> Row:
         """Take a scan; return its seconds and its pose as it is known by now."""
         from yag_slam.models import LocalizedRangeScan
 
@@ -228,7 +230,7 @@ class Mapper:
 
 
 def slam(
-    options: argparse.Namespace, scans: Sequence[Any], odometry: Odometry, scan_in_base: Pose
+    options: argparse.Namespace, scans: Sequence[Any], odometry: OdometryTrack, scan_in_base: Pose
 ) -> list[Row]:
     """Return seconds, x, y, yaw of the scanner for each scan, as the graph has it at the end."""
     mapper = Mapper(scan_in_base, options.range_m)

@@ -33,6 +33,7 @@ from yag_slam_2d import (
     KARTO_OCCUPIED,
     MAP_CELL_M,
     Mapper,
+    OdometryTrack,
     Pose,
     Row,
     compose,
@@ -43,7 +44,6 @@ from yag_slam_2d import (
     write_map,
     yaw_of,
 )
-from yag_slam_2d import Odometry as Ways
 
 FRAME = "map"
 DEPTH = 100
@@ -101,20 +101,20 @@ class Slam(Node):
             came_s, scan = item
             self.counts["scans"] += 1
             self.counts["waiting"] = max(self.counts["waiting"], self._scans.qsize())
-            ways = self._ways_around(scan)
-            if ways is None:
+            odometry = self._odometry_around(scan)
+            if odometry is None:
                 continue
             # When a run ends, odometry does before the last scans; it was late where it goes on.
             self.counts["late"] += self._in_vain
             self._in_vain = 0
-            if self._is_wanted(ways.at(middle_s(scan))):
-                self._publish_pose(scan, self.mapper.add(scan, ways))
+            if self._is_wanted(odometry.at(middle_s(scan))):
+                self._publish_pose(scan, self.mapper.add(scan, odometry))
                 self._stamp = scan.header.stamp
                 self.counts["taken"] += 1
                 self._ages_ms.append(1000 * (time.monotonic() - came_s))
             self._now_and_then()
 
-    def _ways_around(self, scan: Any) -> Ways | None:
+    def _odometry_around(self, scan: Any) -> OdometryTrack | None:
         """Wait for odometry behind the end of a scan; None where none comes, or all is younger.
 
         All is younger only at the start, when scans come before odometry does.
@@ -129,7 +129,7 @@ class Slam(Node):
         if rows[-1][0] < end_s:
             self._in_vain += 1
             return None
-        return Ways(rows)
+        return OdometryTrack(rows)
 
     def _is_wanted(self, pose: Pose) -> bool:
         last = self._last

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from groundlink.recording.reader import Recording
-from groundlink.report.analysis.fault_history import FaultHistory
+from groundlink.report.analysis.fault_history import SensorFaultHistory
 from groundlink.ros.faults import from_faults
 from groundlink.ros.types import STORE
 
@@ -44,8 +44,8 @@ def with_faults_of_the_wheels(it: Rig) -> None:
     it.scenario.write_text(text.replace(old, new), encoding="utf-8")
 
 
-def told(path: Path, sensor: str) -> FaultHistory:
-    failures = FaultHistory(sensor)
+def told(path: Path, sensor: str) -> SensorFaultHistory:
+    failures = SensorFaultHistory(sensor)
     with Recording(path) as recording:
         for message in recording.read([f"/faults/{sensor}"]):
             array = STORE.deserialize_cdr(message.cdr, message.ros_type)

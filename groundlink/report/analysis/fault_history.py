@@ -18,7 +18,7 @@ class FaultPeriod:
     end_seconds: float | None = None
 
 
-class FaultHistory:
+class SensorFaultHistory:
     """Fault periods of one sensor, in order of begin."""
 
     def __init__(self, sensor: str) -> None:

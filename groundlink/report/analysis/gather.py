@@ -30,7 +30,7 @@ from .completeness import StreamCompleteness, stream_completeness
 from .diagnostics import RunDiagnostics
 from .energy import MAX_POINTS as ENERGY_POINTS
 from .energy import Energy
-from .fault_history import FaultHistory
+from .fault_history import SensorFaultHistory
 from .motion import VehicleMotion, stride
 from .sensors import MAX_SAMPLES, CloudSample, Readings, readings_of
 from .streams import StreamTimes
@@ -56,7 +56,7 @@ class RunSummary:
     """Plotted readings by vehicle."""
 
     cameras: list[CameraThumbnails]
-    failures: list[FaultHistory]
+    failures: list[SensorFaultHistory]
     completeness: list[StreamCompleteness]
     diagnostics: RunDiagnostics
     undecodable: int
@@ -134,7 +134,7 @@ class _Taking:
             stream.dropped(recording.dropped.get(stream.topic, 0))
             self._on_gaps(stream.sensor)
         for sensor in run.scenario.sensor_names():
-            failures = FaultHistory(sensor)
+            failures = SensorFaultHistory(sensor)
             self.gathered.failures.append(failures)
             self._on_faults(faults_topic(sensor), failures)
         self._decode(DIAGNOSTICS_TOPIC, self.gathered.diagnostics.add, 1)
@@ -192,7 +192,7 @@ class _Taking:
 
         self._decode(topic, use, 1)
 
-    def _on_faults(self, topic: str, failures: FaultHistory) -> None:
+    def _on_faults(self, topic: str, failures: SensorFaultHistory) -> None:
         def use(seconds: float, array: Any) -> None:
             failures.add(seconds, from_faults(array))
 

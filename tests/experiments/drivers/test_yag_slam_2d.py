@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from experiments.drivers.yag_slam_2d import (
-    Odometry,
+    OdometryTrack,
     choose,
     compose,
     counterclockwise,
@@ -62,7 +62,7 @@ def test_poses_chain_and_turn_back() -> None:
 
 
 def test_a_swept_scan_becomes_one_of_a_scanner_that_stands() -> None:
-    odometry = Odometry([(t, *base(t)) for t in np.arange(0.0, 2.0, 0.02)])
+    odometry = OdometryTrack([(t, *base(t)) for t in np.arange(0.0, 2.0, 0.02)])
     swept = scan_of(scanner, start_s=0.613)
     middle = scanner(middle_s(swept))
     still = scan_of(lambda seconds: middle, start_s=0.613)
@@ -82,7 +82,7 @@ def test_a_scan_that_turns_clockwise_is_turned_round() -> None:
 
 
 def test_odometry_is_interpolated_and_stands_at_its_ends() -> None:
-    odometry = Odometry([(1.0, 0.0, 0.0, 3.1), (2.0, 1.0, 2.0, -3.1)])
+    odometry = OdometryTrack([(1.0, 0.0, 0.0, 3.1), (2.0, 1.0, 2.0, -3.1)])
     assert odometry.at(0.0) == pytest.approx((0.0, 0.0, 3.1))
     assert odometry.at(1.5) == pytest.approx((0.5, 1.0, math.pi))
     assert odometry.at(9.0) == pytest.approx((1.0, 2.0, 2 * math.pi - 3.1))

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from groundlink.messages.faults import Faults
-from groundlink.report.analysis.fault_history import FaultHistory, FaultPeriod
+from groundlink.report.analysis.fault_history import FaultPeriod, SensorFaultHistory
 from groundlink.scenario.faults import Bias, Fault, Off, Stuck
 
 
@@ -14,7 +14,7 @@ def test_each_fault_has_its_begin_and_its_end() -> None:
         *((1.0, (off,)), (2.0, (off, stuck)), (3.0, (stuck,))),
         *((4.0, (bias,)), (5.0, ()), (6.0, (off,))),
     ]
-    failures = FaultHistory("rover/imu")
+    failures = SensorFaultHistory("rover/imu")
     for seconds, active in told:
         failures.add(seconds, Faults(0, "rover/imu", 0, active))
     assert failures.all == [

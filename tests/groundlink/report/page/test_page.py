@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from groundlink.__main__ import main
 from groundlink.report.analysis.diagnostics import RunDiagnostics, StreamHistory
-from groundlink.report.analysis.fault_history import FaultHistory, FaultPeriod
+from groundlink.report.analysis.fault_history import FaultPeriod, SensorFaultHistory
 from groundlink.report.analysis.gather import RunSummary
 from groundlink.report.page.html import Markup, section, table, text
 from groundlink.report.page.page import page
@@ -193,7 +193,7 @@ def test_a_file_that_is_no_recording_is_one_line(
 
 def test_faults_have_a_section_where_there_were_some(gathered: RunSummary) -> None:
     assert "Faults" not in read(page(gathered)).headings
-    failures = FaultHistory("rover/imu")
+    failures = SensorFaultHistory("rover/imu")
     failures.all = [
         FaultPeriod(Stuck(at_s=1.5, for_s=1.0), 1.5, 2.5),
         FaultPeriod(Off(at_s=3.0), 3.0),
