@@ -41,7 +41,7 @@ from services.sensors.rendering.gl.target import Frame
 from services.sensors.rendering.optics import lens
 from services.sensors.rendering.optics.imager import Electronics
 from services.sensors.rendering.optics.pinhole import Pinhole
-from services.sensors.runtime.world_replica import Surroundings
+from services.sensors.runtime.world_replica import WorldReplica
 
 from .claims import Claim, add_options, judge
 from .lidar.driving import link_poses
@@ -94,7 +94,7 @@ class Ours:
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, camera: Camera) -> None:
         self._scenario, self._vehicle, self._camera = scenario, vehicle, camera
-        around = Surroundings(scenario, vehicle, camera.mount.xyz_m)
+        around = WorldReplica(scenario, vehicle, camera.mount.xyz_m)
         self._lens = lens.Lens(camera.lens, Pinhole.of(camera))
         self._renderer = Renderer(scenario.world, around, self._lens.drawn, samples=camera.samples)
         values = 3 * camera.width * camera.height

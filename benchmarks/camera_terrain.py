@@ -28,7 +28,7 @@ from groundlink.world.solids import Material
 from groundlink.world.terrain import load_ground
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.optics.pinhole import Pinhole
-from services.sensors.runtime.world_replica import Surroundings
+from services.sensors.runtime.world_replica import WorldReplica
 
 PINHOLE = Pinhole(640, 480, 415.0, 415.0, 319.5, 239.5)
 HILLS = HillsTerrain(
@@ -82,7 +82,7 @@ class Place:
 
     def __init__(self, scenario: Scenario, poses: list[Floats]) -> None:
         before, since = resident_mb(), time.process_time()
-        around = Surroundings(scenario, scenario.vehicles[0], (0.0, 0.0, 50.0))
+        around = WorldReplica(scenario, scenario.vehicles[0], (0.0, 0.0, 50.0))
         self._poses, self._renderer = poses, Renderer(scenario.world, around, PINHOLE)
         parked = np.tile([0.0, 0.0, -400.0, 0.0, 0.0, 0.0, 1.0], (len(around.links), 1))
         self._renderer.place(parked)

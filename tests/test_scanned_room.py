@@ -56,7 +56,7 @@ def test_the_script_makes_what_is_shipped() -> None:
 def ranges(room: Scenario, towards: list[tuple[float, float, float]]) -> NDArray[np.float32]:
     """Return how far rays go from the middle of the room, as those of a LiDAR on a mast."""
     replica = Replica(room, room.vehicles[0], (0.0, 0.0, 1.2))
-    parked = views.parked(views.surroundings(room), (0.0, 0.0, -400.0))
+    parked = views.parked(views.world_replica(room), (0.0, 0.0, -400.0))
     replica.scene.move(np.stack([parked, parked]))
     at = np.array([0.0, 0.0, 1.2], np.float32)
     rays = (np.array(towards, np.float32) - at).T[:, None]

@@ -19,7 +19,7 @@ COUNTER_PREFIX = "fault_"
 """Of the counters of a sensor that say how many faults of a kind are in effect."""
 
 CLEAR = "clear"
-"""The wish that ends all that are in effect; an empty one only asks, any other is a fault."""
+"""Request that ends all active faults. An empty request is a query; any other is a fault."""
 
 
 class Faults(Message, frozen=True):
@@ -39,7 +39,7 @@ class Faults(Message, frozen=True):
 
 
 class FaultAnswer(Struct, frozen=True):
-    """What a sensor's process answers to a wish."""
+    """Reply of a sensor's process to a request."""
 
     error: str = ""
     """Why it was not done; empty when it was."""

@@ -98,7 +98,7 @@ class FromRos(Spec, frozen=True):
     """Any others, by topic with their types, such as {/plan: nav_msgs/Path}."""
 
     def all_topics(self) -> list[str]:
-        """Return every topic that is wished for."""
+        """Return every topic to subscribe to."""
         named = (self.pose, self.odometry, self.map, self.joints)
         return [*(topic for topic in named if topic is not None), *self.topics]
 

@@ -15,7 +15,7 @@ from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.world.bodies import NO_BODY
 from groundlink.world.terrain import load_ground
 from groundlink.world.triangles import joined, merged, of_ground
-from services.sensors.runtime.world_replica import Surroundings
+from services.sensors.runtime.world_replica import WorldReplica
 
 from .scene import Numbers, Scene
 from .terrain import Relief
@@ -25,8 +25,8 @@ FEW_HEIGHTS = 600_000
 triangles a revolution takes four fifths of the time, but building them takes 1 s and 100 MB."""
 
 
-class Replica(Surroundings):
-    """The world around one sensor that casts rays; parameters as for `Surroundings`.
+class Replica(WorldReplica):
+    """The world around one sensor that casts rays; parameters as for `WorldReplica`.
 
     Attributes
     ----------

@@ -163,7 +163,7 @@ def follower(
         reconnects=bus.reconnects,
         # Nobody waits for it: what is a window late, which is as far as physics goes ahead of those
         # that it does wait for, has lost its worth.
-        patience_ticks=None if time.waits else time.window_ticks,
+        max_waiting_ticks=None if time.waits else time.window_ticks,
     )
     live = LiveFaults(
         sensor,

@@ -22,8 +22,8 @@ from groundlink.messages.reading_schedule import ReadingSchedule
 from .model import LeftOut
 
 AGAIN_NANOS = 30_000_000_000
-"""What was told within so long may have gone by a link that was dead: one is taken for alive for
-10 s, and the next may end with it."""
+"""Gaps published this recently are published again after a reconnect. A dead link is noticed after
+10 s at the latest, and the next link may end with it."""
 
 
 class _Missing(NamedTuple):

@@ -53,7 +53,7 @@ class SensorProcess:
         Of what is due and what becomes of it.
     reconnects
         Tells how often the run had to be joined by another link.
-    patience_ticks
+    max_waiting_ticks
         States that may wait: with more of them it leaves out readings rather than to be late. None
         where nothing is to be left out, however late it gets.
     """
@@ -69,17 +69,17 @@ class SensorProcess:
         acknowledge: Callable[[Ack], object],
         ledger: ReadingLedger | NoReadingLedger | None = None,
         reconnects: Callable[[], int] = lambda: 0,
-        patience_ticks: int | None = None,
+        max_waiting_ticks: int | None = None,
     ) -> None:
         self._model = model
         self._ledger = ledger or NoReadingLedger()
         self._reconnects, self._told_by = reconnects, reconnects()
-        self._patience_ticks = patience_ticks
+        self._max_waiting_ticks = max_waiting_ticks
         self._lets_go = False
         self._gap_cause: Cause = "states lost"
         # Asked once: it takes 20 us, more than most sensors take for a state.
         self._skipping = (
-            model if patience_ticks is not None and isinstance(model, SkippingModel) else None
+            model if max_waiting_ticks is not None and isinstance(model, SkippingModel) else None
         )
         self._expected_world_hash, self._renew = expected_world_hash, renew
         self.worlds = 1
@@ -115,9 +115,9 @@ class SensorProcess:
 
     def _is_let_go(self, waiting: int) -> bool:
         """Return whether a state is let go: once too many wait, all but the newest are."""
-        if self._patience_ticks is None:
+        if self._max_waiting_ticks is None:
             return False
-        self._lets_go = waiting > (0 if self._lets_go else self._patience_ticks)
+        self._lets_go = waiting > (0 if self._lets_go else self._max_waiting_ticks)
         if self._lets_go:
             self._gap_cause = "overloaded"
         return self._lets_go

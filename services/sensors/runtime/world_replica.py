@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor's own copy of the world: what stands in it, and how its vehicles and actors moved.
+"""World replica: a sensor's own copy of the world and of the motion of its vehicles and actors.
 
-Rule: built from the scenario alone and moved by states alone; the same for every sensor that casts
-rays or draws pictures. How either is done is not known here.
+Built from the scenario alone and moved by states alone. Sensors that cast rays and cameras share it.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ POSE_BYTES = 7 * 8
 _NOTHING = memoryview(b"")
 
 
-class Surroundings:
+class WorldReplica:
     """The world around one sensor.
 
     Parameters

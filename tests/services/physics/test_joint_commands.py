@@ -18,7 +18,7 @@ from groundlink.run.journal import JointsCommanded
 from groundlink.scenario import Scenario
 from services.physics.run.episode import Episode
 from services.physics.run.publishers import silent_publishers
-from services.sensors.runtime.world_replica import Surroundings
+from services.sensors.runtime.world_replica import WorldReplica
 
 from .free_bodies import FreeBodies
 from .grounds import drive, put, shipped
@@ -102,7 +102,7 @@ def test_rays_and_pictures_see_the_joint_where_it_is(outdoors: Scenario) -> None
         drive(simulation, 1.0)
         vehicle = simulation.vehicle_states()["it"]
     tank = outdoors.vehicles[0]
-    around = Surroundings(outdoors, tank, (0.0, 0.0, 0.0))
+    around = WorldReplica(outdoors, tank, (0.0, 0.0, 0.0))
     around.take(
         State(
             "t",

@@ -180,7 +180,7 @@ MADE = yard(box("wall", (1, 40, 40), (3, 0, 0)))
 class Fed:
     """What came of a sensor and what it told, by stream and number of the reading."""
 
-    def __init__(self, spec: SensorSpec, *, patience_ticks: int | None = None) -> None:
+    def __init__(self, spec: SensorSpec, *, max_waiting_ticks: int | None = None) -> None:
         rover = replace(MADE.vehicles[0], sensors=(COUNTED, spec))
         self.model = KINDS[type(spec)][1](replace(MADE, vehicles=(rover,)), rover, spec)
         self.due: ReadingSchedule = spec.schedule()
@@ -193,7 +193,7 @@ class Fed:
             publish=self._publish,
             acknowledge=lambda _: None,
             ledger=ReadingLedger("rover/it", self.due, self.came, self._tell),
-            patience_ticks=patience_ticks,
+            max_waiting_ticks=max_waiting_ticks,
         )
 
     def _publish(self, made: Message | StreamMessage) -> None:
@@ -279,7 +279,7 @@ def test_what_would_come_late_is_left_out_and_the_rest_is_the_same(
     strategy: st.SearchStrategy[Any], data: st.DataObject
 ) -> None:
     spec = data.draw(strategy)
-    whole, late = Fed(spec), Fed(spec, patience_ticks=400)
+    whole, late = Fed(spec), Fed(spec, max_waiting_ticks=400)
     assert isinstance(late.model, SkippingModel)
     behind = range(60, 180)
     for state in STATES:

@@ -17,7 +17,7 @@ from groundlink.scenario.sensors import Optics
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.gl.target import Frame, Layer
 from services.sensors.rendering.optics.pinhole import Pinhole
-from services.sensors.runtime.world_replica import Surroundings
+from services.sensors.runtime.world_replica import WorldReplica
 
 
 class Eye:
@@ -55,7 +55,7 @@ class Eye:
     ) -> None:
         self._span_nanos = span_nanos
         self.pinhole = pinhole or Pinhole.of(spec)
-        self._around = Surroundings(scenario, vehicle, spec.mount.xyz_m)
+        self._around = WorldReplica(scenario, vehicle, spec.mount.xyz_m)
         self._base_from_optical = transform(spec.mount.xyz_m, spec.mount.quaternion(optical=True))
         self.renderer = Renderer(
             scenario.world, self._around, self.pinhole, layers=layers, samples=spec.samples

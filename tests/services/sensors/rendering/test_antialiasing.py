@@ -44,7 +44,7 @@ def before_another(**options: Any) -> Renderer:
     made = views.renderer(lit(), **options)
     made.add(sheet(NEAR_M, 0.7, 0.6, 0))
     made.add(sheet(FAR_M, 9.0, 0.05, 1))
-    made.place(views.parked(views.surroundings(lit()), (0.0, 0.0, -400.0)))
+    made.place(views.parked(views.world_replica(lit()), (0.0, 0.0, -400.0)))
     return made
 
 
@@ -98,7 +98,7 @@ def corner_errors(samples: int) -> tuple[NDArray[np.float64], NDArray[np.float64
     scenario, spec = lit(), lenses.Lens()
     renderer = views.renderer(scenario, VIEW, samples=samples)
     renderer.add(calibration.chessboard())
-    renderer.place(views.parked(views.surroundings(scenario), (0.0, 0.0, -400.0)))
+    renderer.place(views.parked(views.world_replica(scenario), (0.0, 0.0, -400.0)))
     limit = np.array([VIEW.width, VIEW.height]) - 4
     right = np.eye(4)
     right[0, 3] = BASELINE_M

@@ -106,7 +106,7 @@ def drawn(scenario: Scenario, spec: lenses.Lens, away_m: float) -> list[NDArray[
     made = LensOptics(spec, PINHOLE)
     renderer: Renderer = views.renderer(scenario, made.drawn)
     renderer.add(chessboard())
-    renderer.place(views.parked(views.surroundings(scenario), (0.0, 0.0, -400.0)))
+    renderer.place(views.parked(views.world_replica(scenario), (0.0, 0.0, -400.0)))
     grain = Electronics(
         lenses.Imager(full_well_electrons=20000.0, read_noise_electrons=5.0),
         PINHOLE.width * PINHOLE.height,

@@ -57,7 +57,7 @@ def inside(normals: Floats, labels: NDArray[np.int32]) -> NDArray[np.bool_]:
 @pytest.mark.parametrize("world", POSES)
 def test_depth_agrees_with_rays(world: str) -> None:
     scenario = load(SHIPPED / f"{'indoor_lab' if world == 'lab' else 'yard'}.yaml")
-    around = views.surroundings(scenario)
+    around = views.world_replica(scenario)
     replica = Replica(scenario, scenario.vehicles[0], (0.0, 0.0, 50.0))
     poses = views.parked(around, (-1.0, 0.5, 0.17))
     replica.scene.move(np.stack([poses, poses]))

@@ -15,7 +15,7 @@ from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import MOUNT_FROM_OPTICAL
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.optics.pinhole import Pinhole
-from services.sensors.runtime.world_replica import Surroundings
+from services.sensors.runtime.world_replica import WorldReplica
 
 SMALL = Pinhole(160, 120, 120.0, 120.0, 79.5, 59.5)
 
@@ -30,18 +30,18 @@ def looking(at_m: Sequence[float], *, yaw_deg: float = 0.0, pitch_deg: float = 0
     return transform(np.asarray(at_m, np.float64), multiply(turn, MOUNT_FROM_OPTICAL))
 
 
-def surroundings(scenario: Scenario) -> Surroundings:
-    return Surroundings(scenario, scenario.vehicles[0], (0.0, 0.0, 50.0))
+def world_replica(scenario: Scenario) -> WorldReplica:
+    return WorldReplica(scenario, scenario.vehicles[0], (0.0, 0.0, 50.0))
 
 
-def parked(around: Surroundings, at_m: Sequence[float] = (0.0, 0.0, 0.2)) -> Floats:
+def parked(around: WorldReplica, at_m: Sequence[float] = (0.0, 0.0, 0.2)) -> Floats:
     """Return poses with all links at one place: wheels inside the hull."""
     return np.tile([*at_m, 0.0, 0.0, 0.0, 1.0], (len(around.links), 1)).astype(np.float64)
 
 
 def renderer(scenario: Scenario, pinhole: Pinhole = SMALL, **options: Any) -> Renderer:
     """Return a renderer whose vehicles are parked far below the world."""
-    around = surroundings(scenario)
+    around = world_replica(scenario)
     made = Renderer(scenario.world, around, pinhole, **options)
     made.place(parked(around, (0.0, 0.0, -400.0)))
     return made

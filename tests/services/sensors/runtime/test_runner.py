@@ -70,7 +70,7 @@ class Bench:
         self,
         model: EveryFortyTicks | None = None,
         worlds: Sequence[str] = (),
-        patience_ticks: int | None = None,
+        max_waiting_ticks: int | None = None,
     ) -> None:
         self.model = model or EveryFortyTicks()
         self.asked: list[str] = []
@@ -91,7 +91,7 @@ class Bench:
             acknowledge=self.acks.append,
             ledger=self.ledger,
             reconnects=lambda: self.reconnects,
-            patience_ticks=patience_ticks,
+            max_waiting_ticks=max_waiting_ticks,
         )
 
     def _renew(self, world: str) -> bool:
@@ -194,7 +194,7 @@ def test_what_a_successor_cannot_make_up_for_is_missing_since_its_predecessor(
 
 
 def test_what_nobody_waits_for_is_let_go_and_marked() -> None:
-    bench = Bench(patience_ticks=100)
+    bench = Bench(max_waiting_ticks=100)
     bench.take(range(90), waiting=100)
     bench.take(range(90, 190), waiting=101)
     # Not before it is abreast: else it would be behind again at once.
@@ -208,7 +208,7 @@ def test_what_nobody_waits_for_is_let_go_and_marked() -> None:
 
 
 def test_what_is_lost_after_what_was_let_go_has_its_own_cause() -> None:
-    bench = Bench(patience_ticks=100)
+    bench = Bench(max_waiting_ticks=100)
     bench.take([*range(90), 100])
     bench.take(range(101, 150), waiting=101)
     bench.take([*range(150, 300), *range(350, 500)])
@@ -299,7 +299,7 @@ class Skips(EveryFortyTicks):
 
 def test_a_model_that_skips_is_told_how_far_behind_it_is() -> None:
     model = Skips()
-    bench = Bench(model, patience_ticks=100)
+    bench = Bench(model, max_waiting_ticks=100)
     for tick, waiting in enumerate((0, 3, 41)):
         bench.take([tick], waiting=waiting)
     assert model.told == [0, 3, 41]

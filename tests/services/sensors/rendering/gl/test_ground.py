@@ -47,7 +47,7 @@ def above(scenario: Scenario, x: float, y: float, up: float, **turn: float) -> F
 def cast(scenario: Scenario, pose: Floats, sub_pixel: float = 0.0) -> NDArray[np.float32]:
     """Return the depth of each pixel by rays, those of pixels a bit lower."""
     replica = Replica(scenario, scenario.vehicles[0], (0.0, 0.0, 50.0))
-    parked = views.parked(views.surroundings(scenario), (0.0, 0.0, -400.0))
+    parked = views.parked(views.world_replica(scenario), (0.0, 0.0, -400.0))
     replica.scene.move(np.stack([parked, parked]))
     local = PINHOLE.rays() + np.array([0.0, sub_pixel / PINHOLE.fy, 0.0])
     rays = np.moveaxis(local @ pose[:3, :3].T, -1, 0).astype(np.float32)
@@ -220,7 +220,7 @@ def test_a_vehicle_throws_a_shadow_wherever_it_is() -> None:
     """Also far from all that stands: the map around the eye goes with it."""
     scenario = hilly(np.zeros((200, 200)), cell_m=40.0, light=Sun(elevation_deg=70.0))
     made = views.renderer(scenario, PINHOLE, layers=ALL_LAYERS)
-    around = views.surroundings(scenario)
+    around = views.world_replica(scenario)
     for x in (0.0, 3000.0):
         eye = views.looking((x, 1.5, 1.5), yaw_deg=-90.0, pitch_deg=45.0)
         made.place(views.parked(around, (x, 0.0, -300.0)))
@@ -243,7 +243,7 @@ def test_bare_terrain_is_lit_but_for_the_shadow_of_the_vehicle(away_m: float) ->
     scenario = replace(
         bare, world=replace(bare.world, materials=materials), vehicles=shown.vehicles
     )
-    around = views.surroundings(scenario)
+    around = views.world_replica(scenario)
     in_base = [(0.0, 0.0, 0.0), *(wheel.center_m for wheel in scenario.vehicles[0].model.wheels)]
     assert len(in_base) == len(around.links)
     pose = views.looking((-away_m, 0.0, away_m / 2), pitch_deg=26.5)

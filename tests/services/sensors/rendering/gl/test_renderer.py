@@ -104,7 +104,7 @@ def test_a_shadow_falls_away_from_the_sun() -> None:
 
 def test_a_vehicle_takes_its_shadow_along_and_the_same_bits_come_back() -> None:
     scenario = views.laboratory()
-    around = views.surroundings(scenario)
+    around = views.world_replica(scenario)
     above = views.looking((-2.0, 0.0, 2.8), pitch_deg=90.0)
     here, there = (views.parked(around, (x, 0.0, 0.17)) for x in (-2.0, -1.0))
 
@@ -133,7 +133,7 @@ def test_a_vehicle_stands_in_the_shade() -> None:
     shaded = replace(scenario, world=replace(scenario.world, solids=(plate,)))
     brightnesses = []
     for one in (scenario, shaded):
-        around = views.surroundings(one)
+        around = views.world_replica(one)
         made = Renderer(one.world, around, views.SMALL, layers=ALL_LAYERS)
         made.place(views.parked(around, (2.0, 0.0, 0.17)))
         frame = made.draw(views.looking((4.0, 0.0, 1.0), yaw_deg=180.0, pitch_deg=20.0))
@@ -208,7 +208,7 @@ def test_a_mesh_shows_its_texture() -> None:
     picture[32:, 32:] = (40, 40, 250)
     made = views.renderer(lit(FLOOR))
     made.add(quad(Skin(picture)))
-    made.place(views.parked(views.surroundings(lit(FLOOR)), (0.0, 0.0, -400.0)))
+    made.place(views.parked(views.world_replica(lit(FLOOR)), (0.0, 0.0, -400.0)))
     colour = made.draw(AHEAD).colour.astype(int)
     # 1 m is 40 pixels; the middle is at row 59.5, column 79.5.
     red, dark, blue = colour[40, 60], colour[40, 100], colour[80, 100]
@@ -227,7 +227,7 @@ def test_a_normal_map_tilts_the_light() -> None:
         bumps = np.broadcast_to(np.rint((n + 1) / 2 * 255), (8, 8, 3)).astype(np.uint8)
         made = views.renderer(lit(FLOOR, light=sun))
         made.add(quad(Skin(plain, bumps.copy()), tint=0.3))
-        made.place(views.parked(views.surroundings(lit(FLOOR)), (0.0, 0.0, -400.0)))
+        made.place(views.parked(views.world_replica(lit(FLOOR)), (0.0, 0.0, -400.0)))
         level.append(brightness(made.draw(AHEAD).colour, 60, 80))
     flat, to_the_right, to_the_left = level
     # Facing west, right is south, and that is where the sun is.

@@ -184,7 +184,7 @@ def test_a_link_may_be_a_mesh() -> None:
     model = replace(vehicle.model, visuals=(visual,))
     made = replace(made, vehicles=(replace(vehicle, model=model),))
     renderer = views.renderer(made, layers=ALL_LAYERS)
-    poses = views.parked(views.surroundings(made), (0.0, 0.0, -400.0))
+    poses = views.parked(views.world_replica(made), (0.0, 0.0, -400.0))
     poses[0, :3] = (3.0, 0.0, 1.0)
     renderer.place(poses)
     frame = renderer.draw(AHEAD)
