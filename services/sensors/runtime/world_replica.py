@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """World replica: a sensor's own copy of the world and of the motion of its vehicles and actors.
 
-Built from the scenario alone and moved by states alone. Sensors that cast rays and cameras share it.
+Built from the scenario alone and moved by states alone. LiDARs and cameras share it.
 """
 
 from __future__ import annotations
