@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Make the scanned room: `python -m tools.scanned_room`.
+"""Generate the scanned room: `python -m tools.scanned_room`.
 
-A room as a scanner of a phone would bring it home, but made up: walls and floor are uneven by
-millimeters, glass and what stood in the shade are holes, there is no ceiling, and one picture is on
-all of it. The result is `scenarios/worlds/scanned_room.glb`, in the public domain (CC0 1.0).
-
-Rule: the same numpy makes the same mesh and the same picture.
+A synthetic room that resembles a phone scan: walls and floor are uneven by millimeters, glass and
+dark corners are holes, there is no ceiling, and one image textures all surfaces. Writes
+`scenarios/worlds/scanned_room.glb` (CC0 1.0). The same numpy version writes the same bytes.
 """
 
 from __future__ import annotations
@@ -28,44 +26,44 @@ LENGTH_M, WIDTH_M, HEIGHT_M = 8.0, 6.0, 2.5
 CELL_M = 0.125
 UNEVEN_M = 0.004
 TEXELS = 512
-"""Along a side of the picture."""
+"""Width and height of the texture."""
 
 WINDOW_M = ((-1.5, 0.5), (0.9, 1.9))
-"""In the north wall, where the scanner saw through the glass: from west to east, and in height."""
+"""Hole in the north wall: x range and height range."""
 
 POSTER_M = ((1.5, 2.5), (0.9, 1.9))
-"""In the north wall: squares of 0.25 m in red and white."""
+"""Poster on the north wall with red and white squares of 0.25 m: x range and height range."""
 
 SEED = 20
 
 FLOOR, WALL, CRATE, POSTER = ((0.0, 0.5), (0.5, 0.5), (0.0, 0.0), (0.5, 0.0))
-"""Left and upper edge of each kind's quarter of the picture, in its sides."""
+"""Left and upper edge of each surface's quarter of the texture, relative to its size."""
 
 
 class Sheet(NamedTuple):
-    """A rectangle that is uneven and has holes."""
+    """An uneven rectangle with holes."""
 
     corner_m: tuple[float, float, float]
     along: tuple[float, float, float]
     """Unit vector of the columns."""
 
     up: tuple[float, float, float]
-    """Of the rows; the sheet faces `along` x `up`."""
+    """Unit vector of the rows; the sheet faces `along` x `up`."""
 
     size_m: tuple[float, float]
     quarter: tuple[float, float]
     repeats_m: float
-    """Length of what the quarter shows."""
+    """Length of the pattern on the quarter."""
 
     holes: Sequence[tuple[float, float, float, float]] = ()
     """Left, right, low and high of rectangles, in meters along the sheet."""
 
     ragged: float = 0.0
-    """Share of the cells near holes that are missing, too."""
+    """Share of the cells near holes that are missing too."""
 
 
 def sheets() -> list[Sheet]:
-    """Return all that the room is made of. The origin is on the floor, in its middle."""
+    """Return the sheets of the room. The origin is in the middle of the floor."""
     x, y = LENGTH_M / 2, WIDTH_M / 2
     (west, east), (low, high) = WINDOW_M
     (left, right), (under, over) = POSTER_M
@@ -74,13 +72,13 @@ def sheets() -> list[Sheet]:
     window = (west + x, east + x, low, high)
     poster = (left + x, right + x, under, over)
     made = [
-        # In the corners it was too dark to see the floor.
+        # Dark corners are holes in the floor.
         Sheet(
             *((-x, -y, 0.0), east_x, north_y, (LENGTH_M, WIDTH_M), FLOOR, 2.0),
             [(0.0, 0.75, 5.25, 6.0), (7.25, 8.0, 0.0, 0.75)],
             0.4,
         ),
-        # Walls look inwards.
+        # Walls face inwards.
         Sheet(*((-x, y, 0.0), east_x, up, (LENGTH_M, HEIGHT_M), WALL, 2.0), [window, poster], 0.25),
         Sheet((left, y, under), east_x, up, (right - left, over - under), POSTER, 1.0),
         Sheet((x, -y, 0.0), west_x, up, (LENGTH_M, HEIGHT_M), WALL, 2.0),
@@ -101,7 +99,7 @@ def sheets() -> list[Sheet]:
 
 
 def mesh() -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint16]]:
-    """Return vertices, shape (V, 3), z up; places in the picture, (V, 2); and faces, (F, 3)."""
+    """Return vertices, shape (V, 3), z up; texture coordinates, (V, 2); and faces, (F, 3)."""
     generator = np.random.default_rng(SEED)
     vertices, places, faces = [], [], []
     count = 0
@@ -110,7 +108,7 @@ def mesh() -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint16]
         row, column = np.indices((rows + 1, columns + 1))
         along, up = np.array(sheet.along), np.array(sheet.up)
         bumps = _smooth(generator, rows + 1, columns + 1) * UNEVEN_M
-        bumps[[0, -1]] = bumps[:, [0, -1]] = 0.0  # sheets meet at their edges
+        bumps[[0, -1]] = bumps[:, [0, -1]] = 0.0  # adjacent sheets share their edges
         at = column[..., None] * CELL_M * along + row[..., None] * CELL_M * up
         at += np.array(sheet.corner_m) + bumps[..., None] * np.cross(along, up)
         cell = np.indices((rows, columns))
@@ -123,13 +121,13 @@ def mesh() -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint16]
                 np.maximum(low - middle_m[1], middle_m[1] - high),
             )
             kept &= ~(beyond < 0) & ~((beyond < 1.5 * CELL_M) & ragged)
-        # Each cell has its own corners, as the pattern begins anew where it repeats.
+        # Cells do not share vertices because the pattern restarts where it repeats.
         for r, c in np.argwhere(kept).tolist():
             corners = at[[r, r, r + 1, r + 1], [c, c + 1, c + 1, c]]
             per = round(sheet.repeats_m / CELL_M)
             u = (np.array([0, 1, 1, 0]) + c % per) / per
             v = 1 - (np.array([0, 0, 1, 1]) + r % per) / per
-            inset = 0.5 / TEXELS  # not to see the neighboring quarter
+            inset = 0.5 / TEXELS  # avoids bleeding from neighboring quarters
             u, v = (inset + axis * (0.5 - 2 * inset) for axis in (u, v))
             vertices.append(corners)
             places.append(np.stack([sheet.quarter[0] + u, sheet.quarter[1] + v], axis=1))
@@ -143,7 +141,7 @@ def mesh() -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint16]
 
 
 def picture() -> NDArray[np.uint8]:
-    """Return what is on the surfaces, shape (TEXELS, TEXELS, 3): sRGB."""
+    """Return the texture, shape (TEXELS, TEXELS, 3): sRGB."""
     generator = np.random.default_rng(SEED + 1)
     half = TEXELS // 2
     grain = np.repeat(np.repeat(generator.integers(-6, 7, (half // 4,) * 2), 4, 0), 4, 1)
@@ -166,7 +164,7 @@ def picture() -> NDArray[np.uint8]:
 
 
 def glb() -> bytes:
-    """Return the file: vertices, faces and picture of one mesh (glTF 2.0, y up)."""
+    """Return the file: vertices, faces and texture of one mesh (glTF 2.0, y up)."""
     vertices, places, faces = mesh()
     turned = np.stack([vertices[:, 0], vertices[:, 2], -vertices[:, 1]], axis=1)
     parts = [turned.tobytes(), places.tobytes(), faces.tobytes(), png(picture())]
@@ -220,7 +218,7 @@ def glb() -> bytes:
 
 
 def png(pixels: NDArray[np.uint8]) -> bytes:
-    """Return pixels, shape (H, W, 3), as a PNG."""
+    """Encode pixels, shape (H, W, 3), as PNG."""
     height, width = pixels.shape[:2]
     rows = b"".join(b"\0" + row.tobytes() for row in pixels)
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
@@ -232,7 +230,7 @@ def png(pixels: NDArray[np.uint8]) -> bytes:
 
 
 def _smooth(generator: np.random.Generator, rows: int, columns: int) -> Floats:
-    """Return noise of neighbors that are alike, of about 1 at the most."""
+    """Return smoothed noise with an amplitude of about 1."""
     rough = generator.uniform(-1, 1, (rows + 2, columns + 2))
     around = [rough[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
     return np.asarray(np.sum(around, axis=0) / 4)

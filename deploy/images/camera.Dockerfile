@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-# Cameras: pictures are drawn by OpenGL, in software where there is no GPU.
+# Cameras, with OpenGL in software if there is no GPU.
 
 FROM python:3.11-slim-bookworm AS requirements
 COPY pyproject.toml .
 RUN python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
 print(*p["dependencies"] + p["optional-dependencies"]["sensors"] + p["optional-dependencies"]["camera"], sep="\n")' > /requirements.txt
 
-# The same in every image, and so made once for all of them.
+# Shared by all images, so built only once.
 FROM python:3.11-slim-bookworm AS wheels
 RUN apt-get update -q \
  && apt-get install -y -q --no-install-recommends gcc libc6-dev \

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# The gateway: from the bus to UDP Bridge and back.
+# The gateway between bus and UDP Bridge.
 
 FROM python:3.11-slim-bookworm AS requirements
 COPY pyproject.toml .
@@ -7,7 +7,7 @@ RUN python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["p
 print(*p["dependencies"] + p["optional-dependencies"]["gateway"], sep="\n")' \
     | sed 's/udp-bridge\[fec\]/raptorq>=2/' > /requirements.txt
 
-# The same in every image, and so made once for all of them.
+# Shared by all images, so built only once.
 FROM python:3.11-slim-bookworm AS wheels
 RUN apt-get update -q \
  && apt-get install -y -q --no-install-recommends gcc libc6-dev \

@@ -6,7 +6,7 @@ COPY pyproject.toml .
 RUN python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
 print(*p["dependencies"] + p["optional-dependencies"]["record"], sep="\n")' > /requirements.txt
 
-# The same in every image, and so made once for all of them.
+# Shared by all images, so built only once.
 FROM python:3.11-slim-bookworm AS wheels
 RUN apt-get update -q \
  && apt-get install -y -q --no-install-recommends gcc libc6-dev \

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# The ROS 2 node: what the gateway sends becomes topics, commands go back.
+# The ROS 2 node.
 
 FROM python:3.11-slim-bookworm AS requirements
 COPY pyproject.toml .

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-# Sensors that cast rays or look at states: LiDARs, ranges, IMU, encoders, odometry, GNSS.
+# Sensors without cameras: LiDARs, range finders, IMU, encoders, odometry, GNSS.
 
 FROM python:3.11-slim-bookworm AS requirements
 COPY pyproject.toml .
 RUN python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
 print(*p["dependencies"] + p["optional-dependencies"]["sensors"], sep="\n")' > /requirements.txt
 
-# The same in every image, and so made once for all of them.
+# Shared by all images, so built only once.
 FROM python:3.11-slim-bookworm AS wheels
 RUN apt-get update -q \
  && apt-get install -y -q --no-install-recommends gcc libc6-dev \
