@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors of a trajectory: `python evo_errors.py TRUTH.tum ESTIMATE.tum [--scale] --out FILE`.
 
-Rule: runs in evo's environment. Both files have poses at the same times. The estimate is aligned
-with the truth as a whole, by SE(3) or with `--scale` by Sim(3), and written as it lies then.
-Prints one line of JSON.
+Runs in evo's environment. Both files have poses at the same times. The estimate is aligned with the
+truth by SE(3), or with `--scale` by Sim(3), and the aligned estimate is written. Prints one line of
+JSON.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """ORB-SLAM3 on a bag: `python orb_slam3.py BAG OUT.tum --vocabulary FILE [--depth TOPIC] ...`.
 
-Rule: runs in ORB-SLAM3's environment and knows ROS messages alone. Frames are given at the pace at
-which they were taken, or slower, as its threads for the map need their time; none is left out. The
-trajectory is that of the key frames of the last map, in the camera's optical frame. What was
-tracked is told in OUT.json.
+Runs in ORB-SLAM3's environment; reads ROS messages only. Frames are fed at the recorded rate or
+slower, since the mapping threads need time; none is dropped. The trajectory is that of the key
+frames of the last map, in the camera's optical frame. OUT.json has statistics of the tracking.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A vocabulary for ORB-SLAM3 from the pictures of a bag: `python train_vocabulary.py BAG OUT.txt`.
 
-Rule: runs in ORB-SLAM3's environment. ORB features of all pictures are parted again and again into
-as many groups as a node has words (k-majority: the middle of a group has each bit as most of its
-members have it). The file is the text form of DBoW2: a line with words, levels, scoring and
-weighting, then a line for each node: its parent, whether it is a word, 32 bytes, its weight. It has
-no newline at its end, as DBoW2 would take that for one more node.
+Runs in ORB-SLAM3's environment. ORB features of all pictures are clustered recursively (k-majority:
+each bit of a cluster center is that of most members). The file is the text form of DBoW2: a line
+with words, levels, scoring and weighting, then a line for each node: parent, whether it is a word,
+32 bytes, weight. It has no newline at the end, which DBoW2 would take for another node.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """yag-slam on a bag: `python yag_slam_2d.py BAG OUT.tum [--scan /scan] [--odometry /odom] ...`.
 
-Rule: runs in yag-slam's environment and knows ROS messages alone. A scan is taken when odometry
-says that the robot has moved or turned far enough since the last one. Odometry is interpolated to
-the middle of the scan, and each ray is put where it was measured from, by odometry (a scan of 25 ms
-at 0.6 m/s is 1.5 cm long). The trajectory is that of the scanner's frame at the middle of the scan.
-Writes the map as PNG and YAML beside OUT.
+Runs in yag-slam's environment; reads ROS messages only. A scan is used if odometry has moved or
+turned far enough since the last one. Odometry is interpolated to the middle of the scan, and each
+ray is corrected by odometry (during a scan of 25 ms at 0.6 m/s the robot moves 1.5 cm). The
+trajectory is that of the scanner's frame at the middle of the scan. Writes the map as PNG and YAML
+beside OUT.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""yag-slam as a ROS 2 node, live: `python yag_slam_live.py OUT.tum --mount X Y YAW`.
+"""yag-slam as a live ROS 2 node: `python yag_slam_live.py OUT.tum --mount X Y YAW`.
 
-Rule: an ordinary node, which takes /scan and /odom as they come and publishes /pose (of the base)
-for each scan that it takes and /map every few seconds. Matching has a thread of its own, so that
-callbacks only store; a scan waits there until odometry has passed its end. Prints how it keeps up,
-a line of JSON each second, and writes at its end the poses that the graph has then.
+Subscribes to /scan and /odom; publishes /pose (of the base) for each scan used, and /map every few
+seconds. Matching has a thread of its own; callbacks only store. A scan waits until odometry has
+passed its end. Prints statistics as one line of JSON each second, and writes the final poses of the
+graph at the end.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The vocabulary that ORB-SLAM3 needs and no package ships, trained from pictures of other scenes.
+"""Vocabulary of ORB-SLAM3, trained from pictures of other scenes.
 
-Rule: what is mapped is never what was trained on: indoors takes a vocabulary of the hamlet,
-outdoors one of the room. It is made once for each recording.
+Training and test scenes differ: indoor studies use pictures of the hamlet, outdoor studies those of
+the room. A vocabulary is trained once for each recording.
 """
 
 from __future__ import annotations

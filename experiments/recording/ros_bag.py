@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS 2 node that records what the bridge publishes.
+"""A ROS 2 node that records the topics of the bridge.
 
 Command: `python -m experiments.recording.ros_bag OUT SECONDS`.
 
-Rule: an ordinary node, which knows of the bridge nothing but its name. It subscribes to every topic
-of it as `ros2 bag record` does, takes the serialized bytes as they are, and writes an MCAP file of
-the profile `ros2`. To each message of the clock it answers on /recorded, so that a run in lockstep
-goes on only when the bag has what was before. It ends at SECONDS of sim time and prints how far it
-is, a line of JSON each second.
+The node knows only the name of the bridge. It subscribes to all of the bridge's topics as
+`ros2 bag record` does, and writes the serialized messages to an MCAP file of the profile `ros2`. It
+answers each clock message on /recorded, so that a lockstep run continues only after the bag has all
+earlier messages. It ends at SECONDS of sim time and prints its progress as a line of JSON each
+second.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ class Bag(Node):
         self._give_answer()
 
     def _give_answer(self) -> None:
-        """Let time go on, once all ends are brought together: what nobody hears is gone."""
+        """Answer the clock once all subscriptions are matched; unmatched messages would be lost."""
         if self._owes and self._hears_all:
             self._owes = False
             self._answer.publish(Empty())

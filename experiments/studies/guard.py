@@ -61,7 +61,7 @@ LISTENERS: dict[str, tuple[Estimator, ...]] = {
     IMU: (LIDAR_INERTIAL,),
     CLOUD: (LIDAR_INERTIAL, KISS, GICP),
 }
-"""Who takes messages of a type; the mounts are taken by who needs two sensors at once."""
+"""Estimators that use messages of a type."""
 
 
 def guard(options: ExperimentOptions) -> Sequence[Evaluation]:
@@ -114,7 +114,7 @@ def _by_programs(
     clean: dict[str, Evaluation],
     results: list[Evaluation],
 ) -> list[str]:
-    """Return who does clearly worse, or not at all, and add what each did to the results."""
+    """Return the programs that fail or get clearly worse; add their results."""
     found = []
     for estimator in LISTENERS.get(fault.ros_type, (LIDAR_INERTIAL,)):
         program = estimator.program.name

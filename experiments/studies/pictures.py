@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How ORB-SLAM3 is run on the pictures of a drive, indoors and outdoors, for each seed.
-
-Rule: one place says what it gets and which frame it tells of; what differs is in the drive.
-"""
+"""ORB-SLAM3 on a drive with a camera."""
 
 from __future__ import annotations
 

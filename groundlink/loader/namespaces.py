@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names that keep vehicles apart in ROS: a namespace for topics, a prefix for tf frames.
+"""ROS namespaces of vehicles: a namespace for topics and a prefix for tf frames.
 
-Rule: as in ROS, a topic that begins with a slash is meant as it stands, any other stands in its
-vehicle's namespace. A vehicle that is alone has neither namespace nor prefix; where it has company
-both are its name, unless the scenario gives others.
+As in ROS, a topic that begins with a slash is absolute; any other topic is in its vehicle's
+namespace. A single vehicle has neither namespace nor prefix. With several vehicles both default to
+the vehicle's name.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ def merge_materials(document: Document) -> None:
     listed, vehicles = document.at(world), document.at(("vehicles",))
     if not isinstance(listed, dict) or not isinstance(vehicles, list):
         return
-    brought: dict[str, DataPath] = {}
+    added: dict[str, DataPath] = {}
     for v in range(len(vehicles)):
         path: DataPath = ("vehicles", v, "model", "materials")
         own = document.at(path)
@@ -30,10 +30,10 @@ def merge_materials(document: Document) -> None:
             if name not in listed:
                 marks = {p[len(here) :]: m for p, m in document.marks.items() if p[:5] == here}
                 document.put((*world, name), Document(material, marks))
-                brought[name] = here
-            elif name in brought and document.at(brought[name]) != material:
+                added[name] = here
+            elif name in added and document.at(added[name]) != material:
                 raise ScenarioError(
-                    f"{document.mark(here)}: another `{name}` is brought by the vehicle at "
-                    f"{document.mark(brought[name])}; rename one, or list `{name}` in the "
+                    f"{document.mark(here)}: another `{name}` is defined by the vehicle at "
+                    f"{document.mark(added[name])}; rename one, or list `{name}` in the "
                     "world's materials, which then counts for both"
                 )

@@ -121,7 +121,7 @@ class McapFile:
     profile
         what the header says of the kind of messages.
     library
-        who writes.
+        name of the writing program.
 
     Raises
     ------

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The vocabulary of things: a solid is a shape of a material at a pose.
-
-Rule: plain data that a scenario file can hold and that hashes to the same bytes everywhere. What a
-solid does (collide, reflect, look like something) is the business of those who read it.
-"""
+"""Solids, shapes and materials: plain data that hashes to the same bytes on every machine."""
 
 from __future__ import annotations
 

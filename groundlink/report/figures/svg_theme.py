@@ -90,7 +90,7 @@ def axes(figure: Figure, seconds: tuple[float, float]) -> Axes:
 
 
 def svg(figure: Figure, label: str) -> str:
-    """Return a figure as an SVG element for a page, with a text for those who cannot see it."""
+    """Return a figure as an SVG element for a page, with an accessible label."""
     text = io.StringIO()
     figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
     drawn = text.getvalue()

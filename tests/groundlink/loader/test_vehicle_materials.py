@@ -56,7 +56,7 @@ def test_two_vehicles_may_not_mean_different_things(tmp_path: Path) -> None:
         load(file)
     text = str(caught.value)
     assert text.startswith(f"{tmp_path / 'second.yaml'}:")
-    assert f"another `rubber` is brought by the vehicle at {tmp_path / 'first.yaml'}:" in text
+    assert f"another `rubber` is defined by the vehicle at {tmp_path / 'first.yaml'}:" in text
 
 
 def test_a_mistake_in_a_material_is_told_where_it_is(tmp_path: Path) -> None:
