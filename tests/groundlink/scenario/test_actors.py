@@ -70,7 +70,7 @@ def test_actors_of_all_kinds_are_read(tmp_path: Path) -> None:
         ((0, "form", "shirt"), "plastik", "did you mean `plastic`"),
         ((0, "motion", "speed_mps"), 0, "speed_mps"),
         ((0, "motion", "points_m"), [[0, 0]], "points_m"),
-        ((0, "motion", "points_m"), [[1, 1], [1, 1]], "two neighbours of `points_m` are the same"),
+        ((0, "motion", "points_m"), [[1, 1], [1, 1]], "two neighbors of `points_m` are the same"),
         ((0, "name"), "gate", "two bodies called `gate`"),
         ((1, "motion", "every_s"), 3, "`every_s` is less than all `swings` take"),
         ((2, "motion", "mass_kg"), -1, "mass_kg"),
