@@ -31,10 +31,10 @@ class Simulator:
         self._is_silent = is_silent
         self._is_over = threading.Event()
         self.link = Link(("127.0.0.1", 0), on_message=self._on_message)
-        self._thread = threading.Thread(target=self._keep_wishing)
+        self._thread = threading.Thread(target=self._keep_subscribing)
         self._thread.start()
 
-    def _keep_wishing(self) -> None:
+    def _keep_subscribing(self) -> None:
         subscribe = Subscribe(type_number("Twist"), lease_s=3).pack()
         while not self._is_over.wait(0.1):
             self.link.send(SUBSCRIBE, "/cmd_vel", "", time.time_ns(), subscribe, self.node)

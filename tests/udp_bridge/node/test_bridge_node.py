@@ -85,7 +85,7 @@ def test_what_comes_before_all_is_there_waits_for_it(
     assert not [row for row in caplog.records if row.levelno >= logging.ERROR]
 
 
-def test_a_wish_is_served_and_who_is_not_the_peer_is_refused(
+def test_a_subscription_is_served_and_a_stranger_is_refused(
     ros: Ros, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO)

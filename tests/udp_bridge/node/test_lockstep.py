@@ -126,13 +126,13 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
 
 
 def started_again(rig: Rig) -> None:
-    """Let it be told of what a predecessor got, and get it again."""
+    """Send a Barrier with messages that an earlier node got, and send them again."""
     rig.told(8, first=5, come=False)
     rig.told(8, first=6)
     rig.turn(4 * SETTLE_S)
 
 
-def test_who_is_there_from_the_begin_gives_its_word_when_all_is_answered(rig: Rig) -> None:
+def test_a_node_from_the_start_replies_when_all_responses_are_there(rig: Rig) -> None:
     rig.told(-1, first=0)
     rig.turn()
     assert rig.ros.replies[-1].state == DONE
@@ -170,7 +170,7 @@ def test_what_comes_again_is_published_when_it_can_be_heard_and_has_to_be_answer
     assert rig.ros.replies[-1] == BarrierReply(LIFE, 8, DONE)
 
 
-def test_an_answer_that_a_predecessor_may_have_got_is_given_up(rig: Rig) -> None:
+def test_a_response_that_an_earlier_node_may_have_got_is_given_up(rig: Rig) -> None:
     started_again(rig)
     assert rig.numbers("/odom") == [6]
     rig.turn(GIVE_UP_S / 2)
