@@ -217,7 +217,7 @@ def test_fail_ends_a_run_whose_readings_get_lost(tmp_path: Path) -> None:
         finally:
             os.kill(successor, signal.SIGCONT)
         assert supervisor.wait(60) == 1
-        assert "rover/imu lacks readings: " in it.log("up.log")
+        assert "rover/imu: missing readings: " in it.log("up.log")
         assert " restarted; run aborted by `overload: fail`" in it.log("up.log")
 
 
