@@ -2,11 +2,12 @@
 """A range finder: the kind `range`. Other kinds never import it."""
 
 from groundlink.messages.imagery import Range
-from groundlink.scenario import sensors as specs
 from groundlink.scenario.sensor_kinds import SensorKind
 
+from .spec import RangeFinder
+
 KIND = SensorKind(
-    spec=specs.Range,
+    spec=RangeFinder,
     streams={"": Range},
     model="services.sensors.range.model:RangeModel",
     sees_world=True,

@@ -23,12 +23,13 @@ from groundlink.core.clock import Schedule
 from groundlink.core.frames import Floats
 from groundlink.messages.base import BadMessage, State
 from groundlink.messages.imagery import Range
-from groundlink.scenario import sensors
 from groundlink.scenario.schema import Scenario, Vehicle
 from services.sensors.noise.normal import PolarNormal
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rays.probe import RayProbe
 from services.sensors.runtime.next_event import NextEvent
+
+from .spec import RangeFinder
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 """Between neighbours of a sunflower's head; it never repeats a direction (Vogel 1979)."""
@@ -56,7 +57,7 @@ class RangeModel:
         when the compiled loops are not installed here; a `UserError`.
     """
 
-    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: sensors.Range) -> None:
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: RangeFinder) -> None:
         self._spec = spec
         self._frame = vehicle.frame_prefix + spec.frame
         self._due = NextEvent(Schedule.at(spec.rate_hz))

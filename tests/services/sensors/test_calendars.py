@@ -31,7 +31,6 @@ from groundlink.scenario.sensors import (
     Imu,
     Lidar,
     Lidar2d,
-    Range,
     StereoCamera,
     WheelOdometry,
 )
@@ -43,6 +42,7 @@ from services.sensors.imu.model import ImuModel
 from services.sensors.lidar.model import LidarModel
 from services.sensors.lidar_2d.model import Lidar2dModel
 from services.sensors.range.model import RangeModel
+from services.sensors.range.spec import RangeFinder
 from services.sensors.runtime.model import (
     SensorModel,
     SkippingModel,
@@ -132,8 +132,10 @@ KINDS: dict[type[Any], tuple[st.SearchStrategy[Any], Callable[..., SensorModel]]
         ),
         GnssModel,
     ),
-    Range: (
-        of_rate(Range, radiation="ultrasound", field_of_view_deg=10.0, max_range_m=4.0, rays=4),
+    RangeFinder: (
+        of_rate(
+            RangeFinder, radiation="ultrasound", field_of_view_deg=10.0, max_range_m=4.0, rays=4
+        ),
         RangeModel,
     ),
     Camera: (of_rate(Camera, **LENS, publish="both").map(exposing), Blank),

@@ -13,11 +13,11 @@ from groundlink.report.analysis.completeness import (
     UNEXPLAINED,
     StreamCompleteness,
 )
-from groundlink.scenario.sensors import Range
+from services.sensors.range.spec import RangeFinder
 
 EPOCH = 1_700_000_000 * NANOS
 PERIOD = NANOS // 10
-SONAR = Range(
+SONAR = RangeFinder(
     *("sonar", "/sonar", "sonar_link"),
     rate_hz=10.0,
     radiation="ultrasound",

@@ -10,8 +10,9 @@ import yaml
 from msgspec.structs import replace
 
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.scenario.sensors import Mount, Range
+from groundlink.scenario.sensors import Mount
 from services.sensors.range.model import RangeModel
+from services.sensors.range.spec import RangeFinder
 from tests.services.sensors.yards import box, resting, yard
 
 RADIATION = {
@@ -22,11 +23,11 @@ RADIATION = {
 }
 
 
-def read(name: str, **changed: Any) -> Range:
+def read(name: str, **changed: Any) -> RangeFinder:
     sheet: dict[str, Any] = yaml.safe_load((SHIPPED / "sensors" / f"{name}.yaml").read_text())
     place = {"name": "sonar", "topic": "/sonar", "frame": "sonar_link"}
     assert not place.keys() & sheet.keys()
-    return replace(msgspec.convert(sheet | place, Range), **changed)
+    return replace(msgspec.convert(sheet | place, RangeFinder), **changed)
 
 
 @pytest.mark.parametrize(("name", "radiation"), RADIATION.items())

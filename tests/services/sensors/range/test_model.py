@@ -13,10 +13,10 @@ from scipy import stats
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.messages.base import BadMessage, State, encode
 from groundlink.messages.imagery import Range
-from groundlink.scenario import sensors
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Mount
 from services.sensors.range.model import RangeModel, cone
+from services.sensors.range.spec import RangeFinder
 from tests.services.sensors.states import EPOCH_NANOS
 from tests.services.sensors.yards import box, moving, resting, yard
 
@@ -44,7 +44,7 @@ def finder(made: Scenario, **fields: Any) -> RangeModel:
         "mount": AHEAD,
         **fields,
     }
-    spec = sensors.Range(name="sonar", topic="/sonar", frame="sonar_link", **fields)
+    spec = RangeFinder(name="sonar", topic="/sonar", frame="sonar_link", **fields)
     return RangeModel(made, made.vehicles[0], spec)
 
 
