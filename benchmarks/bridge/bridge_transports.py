@@ -114,8 +114,8 @@ class UdpBridge:
         try:
             times = [self.receiver.number(self._timeout_s) for _ in range(count)]
         except TimedOut:
-            told = (self._link.delivery_counts(), self._link.counters(), self._report)
-            raise TimedOut(f"a message has not arrived; {told}") from None
+            counts = (self._link.delivery_counts(), self._link.counters(), self._report)
+            raise TimedOut(f"a message has not arrived; {counts}") from None
         return (times[-1] - began) / 1e6
 
     def summary(self) -> DeliverySummary:
@@ -181,7 +181,7 @@ class BusTransport:
         self._all.close()
 
     def _wait_until_connected(self) -> None:
-        """Send until something arrives: on the bus nobody is told who listens already."""
+        """Send until a message arrives, because the bus does not report its subscribers."""
         for _ in range(10):
             try:
                 self.send(1000, _JOIN_S)

@@ -21,7 +21,7 @@ std::int64_t now() {
   return t.tv_sec * udp_bridge::kNanos + t.tv_nsec;
 }
 
-void tell(long long number) {
+void report(long long number) {
   std::printf("%lld\n", number);
   std::fflush(stdout);
 }
@@ -40,7 +40,7 @@ int main(int, char** argv) {
   size = sizeof own;
   if (bind(s, reinterpret_cast<sockaddr*>(&own), size) != 0) return 1;
   getsockname(s, reinterpret_cast<sockaddr*>(&own), &size);
-  tell(ntohs(own.sin_port));
+  report(ntohs(own.sin_port));
 
   udp_bridge::Limits limits;
   limits.receive_buffer = static_cast<std::uint32_t>(buffer);
@@ -58,7 +58,7 @@ int main(int, char** argv) {
         datagram.data(), static_cast<std::size_t>(got), sender, now(),
         [&](udp_bridge::Message&& message) {
           if (message.header.msg_type != kImage) return;
-          tell(now());
+          report(now());
           kept = std::move(message);
         },
         [&](const std::uint8_t* credit, std::size_t n) { sendto(s, credit, n, 0, address, size); });

@@ -39,13 +39,13 @@ def report(number: int) -> None:
 
 
 class Publisher:
-    """A publisher that tells when it is called."""
+    """A publisher that reports when it is called."""
 
     def __init__(self, publisher: Any) -> None:
         self._publisher = publisher
 
     def publish(self, message: Any) -> None:
-        """Publish a message, or its bytes, and tell when."""
+        """Publish a message, or its bytes, and report when."""
         nanos = time.monotonic_ns()
         self._publisher.publish(message)
         report(nanos)
@@ -73,7 +73,7 @@ def plain_publisher(way: str) -> Publisher:
 
 
 def node(_: argparse.Namespace) -> None:
-    """Run the ROS 2 node as it is; only its publishers tell when they are called."""
+    """Run the unchanged ROS 2 node; only its publishers report their calls."""
     from udp_bridge_ros2 import __main__ as start
     from udp_bridge_ros2 import node as module
 
@@ -166,7 +166,7 @@ def fill(message: Any, fields: dict[str, Any]) -> None:
 
 
 def rosbridge(options: argparse.Namespace) -> None:
-    """Run a real rosbridge as it is; only its publishers tell when they are called."""
+    """Run an unchanged rosbridge; only its publishers report their calls."""
     from udp_bridge_ros2 import environment
 
     environment.apply_defaults(os.environ)

@@ -32,7 +32,7 @@ static int64_t now(void)
     return t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
 }
 
-static void tell(int64_t number)
+static void report(int64_t number)
 {
     printf("%lld\n", (long long)number);
     fflush(stdout);
@@ -55,7 +55,7 @@ static void receive(int receive_buffer)
     unsigned char taken[HEADER], seen[256] = {0};
     uint32_t seq = 0;
     getsockname(fd, (struct sockaddr *)&self, &length);
-    tell(ntohs(self.sin_port));
+    report(ntohs(self.sin_port));
     for (int slot = 0;;) {
         unsigned char *body = bodies[turn];
         struct iovec io[2] = {{taken, HEADER}, {body + (size_t)slot * PART, PART}};
@@ -80,7 +80,7 @@ static void receive(int receive_buffer)
             uncredited = 0;
         }
         if (got == parts) {
-            tell(now());
+            report(now());
             turn = !turn;
         }
     }
@@ -124,7 +124,7 @@ static void send_all(int port, int receive_buffer)
                 sent += parts > 1;
             }
         }
-        tell(began);
+        report(began);
     }
 }
 

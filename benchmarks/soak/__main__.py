@@ -174,7 +174,7 @@ class Soak:
         return counts
 
     def _check_bounds(self, counts: DeliveryCounts) -> None:
-        """Check what always holds, whatever is in flight and whoever was restarted."""
+        """Check the invariants that hold with messages in flight and after restarts."""
         key = (counts.msg_type, counts.topic)
         lost = counts.dropped + counts.incomplete + counts.late + counts.missing
         total = counts.delivered + lost + counts.in_flight

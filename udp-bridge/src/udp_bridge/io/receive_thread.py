@@ -29,7 +29,7 @@ OnMessage = Callable[[Message, Address], None]
 
 
 class ReceiveLoop:
-    """Receives datagrams from a socket until it is told to end.
+    """Receives datagrams from a socket until `end` is called.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Worker thread: repeats one turn until it is told to end, and survives exceptions.
+"""Worker thread: repeats one turn until that returns False, and survives exceptions.
 
 An exception of a turn is counted and logged, and the thread continues with the next turn. A thread
 that ends in any other way ends the process with status 1, so that a supervisor restarts it: a
