@@ -265,11 +265,11 @@ def test_a_bag_for_ros_1(run: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (("record", str(TOUR), "--out", "{run}"), "exists already"),
+        (("record", str(TOUR), "--out", "{run}"), "file exists"),
         (("record", str(TOUR), "--out", "/nowhere/run.mcap"), "no such folder"),
         (("record", str(TOUR), "--out", "{new}", "--duration", "0"), "more than 0"),
-        (("up", str(TOUR), "--record", "{run}"), "exists already"),
-        (("convert", "{run}", "{new}"), "ends with .bag"),
+        (("up", str(TOUR), "--record", "{run}"), "file exists"),
+        (("convert", "{run}", "{new}"), "ends in .bag"),
         (("convert", "{new}", "{new}.bag"), "no such file"),
         (("replay", str(TOUR)), "not a recording of a run"),
     ],
@@ -370,7 +370,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(tmp_path: Path) -> None:
         said = it.log("up.log")
         assert said.count("cannot write") == 1
         assert f"recorder: cannot write {out}: file too large" in said
-        assert f"not kept: {out} ends before the run" in said
+        assert f"{out}: incomplete; see the error line of the recorder" in said
         assert "Traceback" not in said
         told = json.loads(report.read_text(encoding="utf-8"))
         assert told["processes"]["recorder"]["last_exit"] == "skipped"
