@@ -149,7 +149,7 @@ def test_without_a_terminal_one_line_says_so(tmp_path: Path) -> None:
     )
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
-    assert "needs a terminal" in done.stderr
+    assert "requires a terminal" in done.stderr
     assert "--route" in done.stderr
 
 

@@ -65,7 +65,7 @@ def test_what_a_sheet_leaves_out_is_told(capsys: pytest.CaptureFixture[str]) -> 
     assert "Defaults of parameters that the sheet does not set: rays 128, echo nearest," in shown
     assert "range_stddev_m 0.0" not in shown, "which the sheet states"
     assert "None" not in said(capsys, "show", "vlp16"), "which is no word of a data sheet"
-    assert "topic" not in shown.partition("Left out")[2], "which is the scenario's"
+    assert "topic" not in shown.partition("Defaults of")[2], "which is the scenario's"
 
 
 def test_a_file_of_ones_own_is_found_by_its_path_and_by_its_name(
