@@ -32,15 +32,15 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.lenses import Imager, Lens
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.sensors import Camera
-from groundlink.world.build import solids
+from groundlink.scene.build import solids
 from groundlink.world.solids import Box, Cylinder, Solid, Sphere
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rendering.cameras.messages import jpeg
+from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.gl.target import Frame
 from services.sensors.rendering.optics import lens
 from services.sensors.rendering.optics.imager import Electronics
-from services.sensors.rendering.optics.pinhole import Pinhole
 from services.sensors.runtime.world_replica import WorldReplica
 
 from .claims import Claim, add_options, judge

@@ -26,8 +26,8 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import MOUNT_FROM_OPTICAL
 from groundlink.world.solids import Material
 from groundlink.world.terrain import load_ground
+from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
-from services.sensors.rendering.optics.pinhole import Pinhole
 from services.sensors.runtime.world_replica import WorldReplica
 
 PINHOLE = Pinhole(640, 480, 415.0, 415.0, 319.5, 239.5)
@@ -77,7 +77,7 @@ def resident_mb() -> float:
     return pages * 4096 / 1e6
 
 
-class Place:
+class Viewpoint:
     """A world and where to look from."""
 
     def __init__(self, scenario: Scenario, poses: list[Floats]) -> None:
@@ -110,7 +110,7 @@ def main() -> int:
         for yaw in (0.0, 100.0, 230.0)
     ]
     inside = [looking(x, 0.0, 0.5, yaw) for x in (-4.0, 0.0) for yaw in (0.0, 100.0, 230.0)]
-    places = {"laboratory": Place(lab, inside), "terrain": Place(hills, outside)}
+    places = {"laboratory": Viewpoint(lab, inside), "terrain": Viewpoint(hills, outside)}
     spent = {name: np.empty(0) for name in places}
     for number in range(ROUNDS * len(outside)):
         for name, place in places.items():

@@ -30,10 +30,10 @@ from groundlink.bus.session import Bus
 from groundlink.cli.run import running
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.loader import load
-from groundlink.messages.base import Ack, Health, Message
-from groundlink.messages.control import Reset
+from groundlink.messages.base import Ack, BusMessage, Health
 from groundlink.monitor.supervisor import Supervisor
 from groundlink.process import runner as process
+from groundlink.run.control import Reset
 from groundlink.scenario import Scenario
 
 from .claims import Claim, add_options, judge
@@ -111,7 +111,7 @@ def episode_seconds(acks: BusInbox[Ack], needed: set[str], after: int) -> tuple[
     return episode, time.monotonic() - begun
 
 
-def lost(health: BusInbox[Message]) -> dict[str, int]:
+def lost(health: BusInbox[BusMessage]) -> dict[str, int]:
     """Return losses that processes have counted."""
     found: dict[str, int] = {}
     while len(health) and (arrived := health.get(seconds=0)):
@@ -132,7 +132,7 @@ def measure(scenario: Scenario, file: Path, pairs: int, together: bool) -> list[
     supervisor = Supervisor({**commands, running.ROS_SIDE: receiver}, lambda *said: print(*said))
     needed = {*scenario.sensor_names(), "gateway"}
     acks: BusInbox[Ack] = BusInbox(depth=100_000)
-    health: BusInbox[Message] = BusInbox(depth=10_000)
+    health: BusInbox[BusMessage] = BusInbox(depth=10_000)
     with Bus(listen=endpoint) as bus:
         bus.subscribe(ACK.key_in(RUN), Ack, acks)
         bus.subscribe(HEALTH.key_in(RUN), Health, health)

@@ -28,7 +28,7 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS
 from groundlink.loader import load
-from groundlink.messages.base import Command, Message, State, encode
+from groundlink.messages.base import BusMessage, Command, State, encode
 from groundlink.scenario import Scenario
 from services.physics.run.episode import Episode
 from services.physics.run.publishers import BusPublishers, Publishers
@@ -82,7 +82,7 @@ def field(model: str, count: int) -> Scenario:
 def encoding_only(scenario: Scenario) -> Publishers:
     """Return publishers that encode messages and send nothing."""
 
-    def each() -> dict[str, Callable[[Message], bytes]]:
+    def each() -> dict[str, Callable[[BusMessage], bytes]]:
         return {vehicle.name: encode for vehicle in scenario.vehicles}
 
     return Publishers(encode, encode, encode, each(), each(), each(), each())

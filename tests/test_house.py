@@ -7,6 +7,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,31 @@ def test_every_module_has_a_docstring_and_stays_small() -> None:
     modules = {file: read(file) for file in FILES if "tests" not in file.relative_to(ROOT).parts}
     assert [file for file, text in modules.items() if not ast.get_docstring(ast.parse(text))] == []
     assert [file for file, text in modules.items() if text.count("\n") > 500] == []
+
+
+def test_folders_stay_narrow() -> None:
+    """A package's face and its entry point do not count; headers and C files do."""
+    sources = (*SOURCES, "fuzz")
+    kinds = {".py", ".c", ".h", ".hpp", ".cpp", ".cs"}
+    files = [
+        file
+        for folder in sources
+        for file in (ROOT / folder).rglob("*")
+        if file.suffix in kinds and "build" not in file.relative_to(ROOT).parts
+    ]
+    widths = Counter(file.parent for file in files if file.name != "__init__.py")
+    assert {folder: width for folder, width in widths.items() if width > 18} == {}
+
+
+def test_public_classes_have_names_of_their_own() -> None:
+    named: dict[str, list[Path]] = {}
+    for file in FILES:
+        if "tests" in file.relative_to(ROOT).parts:
+            continue
+        for node in ast.walk(ast.parse(read(file))):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                named.setdefault(node.name, []).append(file)
+    assert {name: files for name, files in named.items() if len(files) > 1} == {}
 
 
 def impurities(text: str) -> set[str]:

@@ -15,10 +15,10 @@ from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Command
 from groundlink.scenario import Scenario
-from groundlink.world.build import solids
+from groundlink.scene.build import solids
 from services.physics.simulation.simulation import Simulation
 from services.sensors.rays.replica import Replica
-from services.sensors.rendering.optics.pinhole import Pinhole
+from services.sensors.rendering.gl.pinhole import Pinhole
 from tests.services.sensors.rendering import views
 from tests.services.sensors.rendering.opengl import _opengl as _opengl
 from tools import scanned_room

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 from groundlink.bus.topics import SENSOR_TOPICS
-from groundlink.messages.base import POINT, Imu, Message, PointCloud
+from groundlink.messages.base import POINT, BusMessage, Imu, PointCloud
 from groundlink.ros.cdr import to_cdr
 
 TOPICS = {"imu": "/imu", "cloud": "/points"}
@@ -24,7 +24,7 @@ CLOUD_BYTES = 1_000_000
 DEPTH = 10
 
 
-def messages() -> dict[str, Message]:
+def messages() -> dict[str, BusMessage]:
     """Return the messages to publish: an IMU sample and a cloud of 1 MB, stamped now."""
     count = CLOUD_BYTES // POINT.itemsize
     points = random.Random(1).randbytes(count * POINT.itemsize)

@@ -23,7 +23,7 @@ from experiments.estimation.checkpoints import CheckpointError
 from experiments.experiment import AlignedEstimate
 from groundlink.report.analysis.plan import outlines
 from groundlink.scenario import Scenario
-from groundlink.world.build import solids
+from groundlink.scene.build import solids
 
 COLORS = ("#c0392b", "#2471a3", "#d68910", "#7d3c98", "#1e8449")
 TRUTH = "#1b1b1b"

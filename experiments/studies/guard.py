@@ -26,7 +26,7 @@ from experiments.recording.truth import frames_of
 from groundlink.core.errors import UserError
 from groundlink.messages.base import POINT
 from groundlink.ros.types import STORE, nanos, xyz
-from groundlink.world.build import solids
+from groundlink.scene.build import solids
 
 from .direct import CheckedQuantity, LidarSweep, imu_quantities, scan_quantities
 from .track import there_and_back

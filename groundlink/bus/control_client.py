@@ -6,7 +6,7 @@ from __future__ import annotations
 import msgspec
 
 from groundlink.core.errors import UserError
-from groundlink.messages.control import AnyRunCommand, ControlAnswer
+from groundlink.run.control import AnyRunCommand, ControlAnswer
 
 from .queries import control_key
 from .session import Bus

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from groundlink.core.clock import TICK_RATE_HZ
-from groundlink.messages.base import Ack, Clock, Command, Health, Message, State
+from groundlink.messages.base import Ack, BusMessage, Clock, Command, Health, State
 
 ROOT = "groundlink"
 
@@ -43,7 +43,7 @@ class BusTopic:
     key: str
     """Under `groundlink/<run>/`; words in braces are filled in."""
 
-    message: type[Message]
+    message: type[BusMessage]
     publisher: str
     rate: str
     delivery: Delivery

@@ -11,7 +11,7 @@ import time
 from collections import Counter, deque
 from typing import Generic
 
-from groundlink.messages.base import BadMessage, M, decode
+from groundlink.messages.base import BadBusMessage, M, decode
 
 
 class BusInbox(Generic[M]):
@@ -72,6 +72,6 @@ class BusInbox(Generic[M]):
                 key, payload, message_type = self._waiting.popleft()
             try:
                 return key, decode(payload, message_type)
-            except BadMessage as error:
+            except BadBusMessage as error:
                 self.refused += 1
                 self.last_refusal = f"{key}: {error}"

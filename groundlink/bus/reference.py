@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 from msgspec import inspect as types
 
-from groundlink.messages.base import POINT, Message
+from groundlink.messages.base import POINT, BusMessage
 from groundlink.messages.ground_truth import TRUE_POINT
 
 from .core_topics import ROOT
@@ -112,7 +112,7 @@ def _field_docs(struct: type[Any]) -> dict[str, str]:
     """Return the docstrings of a struct's fields, inherited ones included."""
     docs: dict[str, str] = {}
     for base in reversed(struct.__mro__):
-        if base in (object, msgspec.Struct, Message) or not issubclass(base, msgspec.Struct):
+        if base in (object, msgspec.Struct, BusMessage) or not issubclass(base, msgspec.Struct):
             continue
         (tree,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
         assert isinstance(tree, ast.ClassDef)

@@ -20,7 +20,7 @@ import zenoh
 import zenoh.ext
 
 from groundlink.core.errors import UserError
-from groundlink.messages.base import M, Message, encode
+from groundlink.messages.base import BusMessage, M, encode
 
 from . import zenoh_config
 from .core_topics import Delivery
@@ -152,7 +152,7 @@ class Bus:
 
     def publisher(
         self, key: str, delivery: Delivery, *, bulky: bool = False
-    ) -> Callable[[Message], bytes]:
+    ) -> Callable[[BusMessage], bytes]:
         """Return a function that publishes messages under `key` and returns their bytes.
 
         Parameters
@@ -168,7 +168,7 @@ class Bus:
         )
         self._declared.append(publisher)
 
-        def publish(message: Message) -> bytes:
+        def publish(message: BusMessage) -> bytes:
             payload = encode(message)
             publisher.put(payload)
             return payload

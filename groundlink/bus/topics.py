@@ -10,8 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from groundlink.messages.base import Message, WheelCommand
-from groundlink.messages.faults import Faults
+from groundlink.messages.base import BusMessage, WheelCommand
 from groundlink.messages.ground_truth import Bodies
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan
 from groundlink.messages.missing_readings import Gaps
@@ -25,6 +24,7 @@ from groundlink.messages.navigation import (
 )
 from groundlink.messages.relayed import Relayed
 from groundlink.messages.vitals import VITALS_HZ, Vitals
+from groundlink.run.fault_messages import Faults
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensor_kinds import SensorKind, sensor_kinds
@@ -43,7 +43,7 @@ from .core_topics import (
 
 
 def _of_sensor(
-    name: str, message: type[Message], rate: str = "rate_hz", *, bulky: bool = False
+    name: str, message: type[BusMessage], rate: str = "rate_hz", *, bulky: bool = False
 ) -> BusTopic:
     """Return the row of the main stream of a kind of sensor."""
     return BusTopic(
@@ -57,7 +57,7 @@ def _of_sensor(
     )
 
 
-def _beside(main: BusTopic, messages: Mapping[str, type[Message]]) -> dict[str, BusTopic]:
+def _beside(main: BusTopic, messages: Mapping[str, type[BusMessage]]) -> dict[str, BusTopic]:
     """Return the rows of further streams of a publisher, by name."""
     return {
         name: replace(main, name=f"{main.name}.{name}", key=f"{main.key}/{name}", message=message)
@@ -106,7 +106,7 @@ VITALS = BusTopic(
 )
 
 
-def _from_ros(name: str, message: type[Message]) -> BusTopic:
+def _from_ros(name: str, message: type[BusMessage]) -> BusTopic:
     """Return the row of what a vehicle's stack tells by ROS."""
     return BusTopic(
         name=f"from_ros.{name}",
@@ -135,7 +135,7 @@ OUTPUTS = {kind.name: _outputs(kind) for kind in sensor_kinds().values()}
 SENSOR_TOPICS = {kind: rows[""] for kind, rows in OUTPUTS.items()}
 """By kind of sensor: the row of its main stream."""
 
-_EXTRAS: dict[str, type[Message]] = {
+_EXTRAS: dict[str, type[BusMessage]] = {
     "image": Image,
     "compressed_image": CompressedImage,
     "camera_info": CameraInfo,

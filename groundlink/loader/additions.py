@@ -18,8 +18,7 @@ from groundlink.core.errors import UserError
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import matrix_from_quaternion, multiply
 from groundlink.importing.file_errors import Warn, ignore_warning
-from groundlink.scenario.addition import Addition
-from groundlink.scenario.schema import Placement, Scenario, World
+from groundlink.scenario.schema import Addition, Placement, Scenario, World
 from groundlink.world.actors import (
     Actor,
     CrateForm,

@@ -17,8 +17,8 @@ from groundlink.scenario.route import Route, ThereAndBack, Waypoints
 from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Scenario, Vehicle
 from groundlink.scenario.sensor_kinds import kind_of, load_reference
 from groundlink.scenario.vehicle import VehicleModel
-from groundlink.world.build import WorldError, solids
-from groundlink.world.spawn_checks import check_spawns
+from groundlink.scene.build import WorldError, solids
+from groundlink.scene.spawn_checks import check_spawns
 
 from .document import DataPath, Document, ScenarioError
 from .explain import dotted

@@ -2,7 +2,7 @@
 """Placement on terrain: heights of outdoor objects and of solids with `on_ground`.
 
 Heights become numbers here, once: no reader of a resolved scenario needs the terrain to place an
-object. `groundlink.world.spawn_pose` places vehicles.
+object. `groundlink.scene.spawn_pose` places vehicles.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 """The messages of the bus and their bytes.
 
 Rule: a message is a Struct whose MessagePack map is the format; arrays travel as one bin each and
-are read in place. What does not fit its schema raises `BadMessage` with a reason, never more.
+are read in place. What does not fit its schema raises `BadBusMessage` with a reason, never more.
 Stamps are the instant of measurement: nanoseconds of the run's epoch plus sim time. Those of images
 and ranges are in `imagery`, those of poses, maps and transforms in `navigation`.
 """
@@ -31,15 +31,15 @@ POINT = np.dtype(
 0..255, laser number from below, seconds from the cloud's stamp."""
 
 
-class BadMessage(ValueError):
+class BadBusMessage(ValueError):
     """Bytes from the bus that are not the message they should be; the text says why."""
 
 
-class Message(msgspec.Struct, frozen=True):
+class BusMessage(msgspec.Struct, frozen=True):
     """A message of the bus."""
 
 
-class Reading(Message, frozen=True, kw_only=True, omit_defaults=True):
+class Reading(BusMessage, frozen=True, kw_only=True, omit_defaults=True):
     """What a sensor has measured, stamped by the sensor's own clock."""
 
     clock_error_nanos: int = 0
@@ -47,12 +47,12 @@ class Reading(Message, frozen=True, kw_only=True, omit_defaults=True):
     """
 
 
-def all_messages() -> set[type[Message]]:
+def all_messages() -> set[type[BusMessage]]:
     """Return every type of message that was imported."""
-    return {*Message.__subclasses__(), *Reading.__subclasses__()} - {Reading}
+    return {*BusMessage.__subclasses__(), *Reading.__subclasses__()} - {Reading}
 
 
-def measured_nanos(message: Message) -> int:
+def measured_nanos(message: BusMessage) -> int:
     """Return the instant of a message on the run's time line, whatever a sensor's clock says."""
     stamp: int = message.stamp_nanos  # type: ignore[attr-defined]
     return stamp - message.clock_error_nanos if isinstance(message, Reading) else stamp
@@ -105,7 +105,7 @@ class VehicleState(msgspec.Struct, frozen=True):
         return floats(self.link_poses).reshape(-1, 7)
 
 
-class State(Message, frozen=True):
+class State(BusMessage, frozen=True):
     """The truth at one tick, from physics, 400 a second of sim time."""
 
     run: str
@@ -132,7 +132,7 @@ class State(Message, frozen=True):
         return self.epoch_nanos + self.sim_nanos
 
 
-class Clock(Message, frozen=True):
+class Clock(BusMessage, frozen=True):
     """The run's time, for ROS nodes that use sim time."""
 
     stamp_nanos: int
@@ -142,7 +142,7 @@ class Clock(Message, frozen=True):
     """See `State.episode`."""
 
 
-class Command(Message, frozen=True):
+class Command(BusMessage, frozen=True):
     """A velocity that a vehicle is asked for (geometry_msgs/Twist), in its base frame."""
 
     stamp_nanos: int
@@ -152,7 +152,7 @@ class Command(Message, frozen=True):
     angular_radps: Vector3
 
 
-class WheelCommand(Message, frozen=True):
+class WheelCommand(BusMessage, frozen=True):
     """What single wheels of a vehicle are asked for, instead of a velocity; at once, not ramped."""
 
     stamp_nanos: int
@@ -209,7 +209,7 @@ class WheelEncoders(Reading, frozen=True):
     ticks: tuple[Int64, ...]
 
 
-class Ack(Message, frozen=True):
+class Ack(BusMessage, frozen=True):
     """A process's word on how far it has come."""
 
     episode: int = msgspec.field(name="life")
@@ -227,6 +227,10 @@ class Ack(Message, frozen=True):
     commanded: dict[str, int] = {}
     """By vehicle, the tick of the stamp of the newest command that it sent up to now: physics takes
     its word when that is here."""
+
+
+NOT_REPORTED = "not reported"
+"""Shown for a topic whose receiver sends no reports."""
 
 
 class StreamReport(msgspec.Struct, frozen=True):
@@ -284,7 +288,7 @@ class StreamReport(msgspec.Struct, frozen=True):
     `in_flight`, and `superseded` are known, and nothing counts as lost."""
 
 
-class Health(Message, frozen=True):
+class Health(BusMessage, frozen=True):
     """A process's word about itself, once a second."""
 
     process: str
@@ -296,13 +300,13 @@ class Health(Message, frozen=True):
     """Name of the machine that it runs on."""
 
 
-M = TypeVar("M", bound=Message)
+M = TypeVar("M", bound=BusMessage)
 
 _ENCODER = msgspec.msgpack.Encoder()
-_DECODERS: dict[type[Message], msgspec.msgpack.Decoder[Any]] = {}
+_DECODERS: dict[type[BusMessage], msgspec.msgpack.Decoder[Any]] = {}
 
 
-def encode(message: Message) -> bytes:
+def encode(message: BusMessage) -> bytes:
     """Return a message as MessagePack."""
     return _ENCODER.encode(message)
 
@@ -312,7 +316,7 @@ def decode(payload: bytes | memoryview, message_type: type[M]) -> M:
 
     Raises
     ------
-    BadMessage
+    BadBusMessage
         when the bytes are not MessagePack or do not fit the type's schema.
     """
     decoder = _DECODERS.get(message_type)
@@ -321,7 +325,7 @@ def decode(payload: bytes | memoryview, message_type: type[M]) -> M:
     try:
         return decoder.decode(payload)  # type: ignore[no-any-return]
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise BadMessage(f"not a {message_type.__name__}: {error}") from None
+        raise BadBusMessage(f"not a {message_type.__name__}: {error}") from None
 
 
 def floats(packed: memoryview) -> NDArray[np.float64]:

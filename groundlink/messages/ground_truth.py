@@ -13,22 +13,22 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from .base import POINT, Message, exactly, floats, whole
+from .base import POINT, BusMessage, exactly, floats, whole
 
 WORLD_FRAME = "world"
 """ENU, the frame of the scenario's placements."""
 
 TRUE_POINT = np.dtype([*POINT.descr, ("body", "<u4")])
-"""`POINT` with the number of the body that it is on, as `groundlink.world.bodies` counts, or its
+"""`POINT` with the number of the body that it is on, as `groundlink.scene.bodies` counts, or its
 `NO_BODY`."""
 
 
-class Bodies(Message, frozen=True):
+class Bodies(BusMessage, frozen=True):
     """Where every body of a run is (tf2_msgs/TFMessage)."""
 
     stamp_nanos: int
     names: Annotated[tuple[str, ...], Meta(min_length=1)]
-    """Of all bodies; a body's place in them is its number (`groundlink.world.bodies`)."""
+    """Of all bodies; a body's place in them is its number (`groundlink.scene.bodies`)."""
 
     poses: memoryview
     """float64, for each a row of x, y, z, qx, qy, qz, qw: world_from_body."""
@@ -41,7 +41,7 @@ class Bodies(Message, frozen=True):
         return floats(self.poses).reshape(-1, 7)
 
 
-class TruePoints(Message, frozen=True):
+class TruePoints(BusMessage, frozen=True):
     """What a LiDAR's cloud would be without any error, if all of it were measured at once."""
 
     stamp_nanos: int

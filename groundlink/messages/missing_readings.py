@@ -12,7 +12,7 @@ from typing import Literal, get_args
 
 from msgspec import Struct
 
-from .base import Message
+from .base import BusMessage
 
 Cause = Literal[
     "overloaded",
@@ -62,7 +62,7 @@ class Gap(Struct, frozen=True):
     """The streams that lack them, by name as in `topics.sensor_outputs`."""
 
 
-class Gaps(Message, frozen=True):
+class Gaps(BusMessage, frozen=True):
     """What of a sensor's readings turned out to be missing since it told the last time."""
 
     stamp_nanos: int

@@ -14,13 +14,13 @@ from msgspec import Meta, Struct
 
 from groundlink.core.fields import Quaternion, Vector3
 
-from .base import Message, Reading, exactly
+from .base import BusMessage, Reading, exactly
 from .imagery import Uint32
 
 COVARIANCE_6X6_BYTES = 36 * 8
 
 
-class PoseStamped(Message, frozen=True):
+class PoseStamped(BusMessage, frozen=True):
     """A pose at an instant (geometry_msgs/PoseStamped): frame_from_what-it-is-the-pose-of."""
 
     stamp_nanos: int
@@ -54,7 +54,7 @@ class Odometry(Reading, frozen=True):
         exactly(self.twist_covariance, COVARIANCE_6X6_BYTES, "twist_covariance")
 
 
-class OccupancyGrid(Message, frozen=True):
+class OccupancyGrid(BusMessage, frozen=True):
     """A map of what is occupied (nav_msgs/OccupancyGrid)."""
 
     stamp_nanos: int
@@ -94,7 +94,7 @@ class Transform(Struct, frozen=True):
     rotation: Quaternion
 
 
-class Transforms(Message, frozen=True):
+class Transforms(BusMessage, frozen=True):
     """Transforms of the tf tree (tf2_msgs/TFMessage)."""
 
     transforms: Annotated[tuple[Transform, ...], Meta(min_length=1)]
@@ -105,7 +105,7 @@ class Transforms(Message, frozen=True):
         return max(transform.stamp_nanos for transform in self.transforms)
 
 
-class JointState(Message, frozen=True):
+class JointState(BusMessage, frozen=True):
     """The state of some joints (sensor_msgs/JointState); what is unknown is empty."""
 
     stamp_nanos: int
@@ -127,7 +127,7 @@ class JointState(Message, frozen=True):
                 exactly(array, len(self.names) * 8, field)
 
 
-class Text(Message, frozen=True):
+class Text(BusMessage, frozen=True):
     """A text, such as a vehicle's description (std_msgs/String, which has no stamp)."""
 
     stamp_nanos: int

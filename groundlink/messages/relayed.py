@@ -6,10 +6,10 @@ Rule: the message is the CDR that ROS sent, read once to see that it is one (`gr
 
 from __future__ import annotations
 
-from .base import Message
+from .base import BusMessage
 
 
-class Relayed(Message, frozen=True):
+class Relayed(BusMessage, frozen=True):
     """A ROS 2 message as it came."""
 
     stamp_nanos: int

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from .base import Message
+from .base import BusMessage
 
 VITALS_HZ = 10
 
@@ -40,7 +40,7 @@ class BatteryState(Struct, frozen=True):
     current_a: float
 
 
-class Vitals(Message, frozen=True):
+class Vitals(BusMessage, frozen=True):
     """Energy and contacts of one vehicle, 10 a second of sim time."""
 
     stamp_nanos: int

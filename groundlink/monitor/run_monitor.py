@@ -20,8 +20,6 @@ from .stream_totals import StreamTotals
 RATE_TOLERANCE = 0.02
 """Allowed relative difference of the measured rate, by stamps, from the declared rate."""
 
-NOT_REPORTED = "not reported"
-
 
 def keeps_rate(stream: StreamReport) -> bool:
     """Return whether a stream kept its declared rate, if it has one.

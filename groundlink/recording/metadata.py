@@ -21,7 +21,7 @@ from msgspec.structs import replace
 from groundlink import __version__
 from groundlink.scenario import Scenario
 from groundlink.scenario.decoding import put_unknown, take_unknown
-from groundlink.world.build import world_hash
+from groundlink.scene.build import world_hash
 
 RUN_RECORD = "groundlink.run"
 TOPICS_RECORD = "groundlink.topics"

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS
-from groundlink.messages.base import BadMessage, Clock, Message, PointCloud, Reading
+from groundlink.messages.base import BadBusMessage, BusMessage, Clock, PointCloud, Reading
 from groundlink.messages.relayed import Relayed
 from groundlink.ros.cdr import from_cdr
 from groundlink.ros.codec import Moment
@@ -36,7 +36,7 @@ class TimedMessage(NamedTuple):
 
     number: int
     key: str
-    message: Message
+    message: BusMessage
 
 
 class Playback:
@@ -73,7 +73,7 @@ class Playback:
             stream = self.streams[recorded.topic]
             try:
                 message = self._message(stream, recorded)
-            except BadMessage:
+            except BadBusMessage:
                 self.refused += 1
                 continue
             if isinstance(message, Reading):
@@ -87,7 +87,7 @@ class Playback:
         while waiting:
             yield heapq.heappop(waiting)
 
-    def _message(self, stream: RosStream, recorded: RecordedMessage) -> Message:
+    def _message(self, stream: RosStream, recorded: RecordedMessage) -> BusMessage:
         if stream.message is Relayed:
             return Relayed(recorded.nanos, recorded.ros_type, memoryview(recorded.cdr))
         moment = Moment(recorded.nanos, self._recording.run.epoch_nanos)

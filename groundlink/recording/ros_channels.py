@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from groundlink import __version__
-from groundlink.ros.definitions import ENCODING, MESSAGE_ENCODING, definition
+from groundlink.ros.types import DEFINITION_ENCODING, MESSAGE_ENCODING, definition
 
 from .mcap_file import McapFile
 from .metadata import (
@@ -80,7 +80,7 @@ class RosFile:
         if known is None:
             if ros_type not in self._schemas:
                 text = definition(ros_type).encode()
-                self._schemas[ros_type] = self.mcap.add_schema(ros_type, ENCODING, text)
+                self._schemas[ros_type] = self.mcap.add_schema(ros_type, DEFINITION_ENCODING, text)
             qos = LATCHED_QOS if latched else PLAIN_QOS
             channel = self.mcap.add_channel(
                 name, self._schemas[ros_type], MESSAGE_ENCODING, {"offered_qos_profiles": qos}

@@ -15,13 +15,13 @@ from groundlink.bus.topics import sensor_outputs
 from groundlink.core.clock import NANOS, TICK_NANOS, TICK_RATE_HZ, Schedule
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Command
-from groundlink.messages.faults import Faults
 from groundlink.messages.navigation import JointState
 from groundlink.ros.base import made_topics
 from groundlink.ros.cdr import from_cdr
 from groundlink.ros.codec import Moment
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC
 from groundlink.ros.streams import CLOCK_TOPIC, faults_topic, gaps_topic, incoming
+from groundlink.run.fault_messages import Faults
 from groundlink.run.journal import (
     Commanded,
     JointsCommanded,
@@ -32,7 +32,7 @@ from groundlink.run.journal import (
 )
 from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Fault
-from groundlink.world.build import world_hash
+from groundlink.scene.build import world_hash
 
 from .comparison import ComparedSpan
 from .differences import Difference, first_difference

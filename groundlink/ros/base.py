@@ -19,7 +19,7 @@ from msgspec.structs import replace
 from groundlink.bus.topics import GROUND_TRUTH, JOINTS, SENSOR_TOPICS
 from groundlink.core.clock import NANOS
 from groundlink.core.frames import IDENTITY_QUATERNION, Floats
-from groundlink.messages.base import Message, WheelEncoders, measured_nanos, packed
+from groundlink.messages.base import BusMessage, WheelEncoders, measured_nanos, packed
 from groundlink.messages.ground_truth import WORLD_FRAME
 from groundlink.messages.navigation import JointState, Odometry, Text, Transform, Transforms
 from groundlink.scenario.schema import Scenario, Vehicle
@@ -45,16 +45,16 @@ class Told(NamedTuple):
     """Something for ROS."""
 
     topic: str
-    message: Message
+    message: BusMessage
     nanos: int
     """The instant that it is of, on the run's time line."""
 
 
-class Place(NamedTuple):
+class BaseTopic(NamedTuple):
     """A topic that something is told on."""
 
     topic: str
-    message: type[Message]
+    message: type[BusMessage]
     declared_hz: float
 
 
@@ -66,7 +66,7 @@ class Base:
         self._encoders = _first(vehicle, Encoders)
         odometry = _first(vehicle, WheelOdometry) if vehicle.tf.odom else None
         self._joints_topic = f"{vehicle.namespace}/{JOINT_STATES}"
-        self.places: list[Place] = []
+        self.places: list[BaseTopic] = []
         """What is told when messages of the bus come; the description is not among them."""
 
         self.keys: dict[str, str] = {}
@@ -77,10 +77,12 @@ class Base:
                 run, vehicle=vehicle.name, sensor=self._encoders.name
             )
             self.keys["encoders"] = key
-            self.places.append(Place(self._joints_topic, JointState, self._encoders.rate_hz))
+            self.places.append(BaseTopic(self._joints_topic, JointState, self._encoders.rate_hz))
         if vehicle.model.joints:
             self.keys["joints"] = JOINTS.key_in(run, vehicle=vehicle.name)
-            self.places.append(Place(self._joints_topic, JointState, vehicle.ground_truth.rate_hz))
+            self.places.append(
+                BaseTopic(self._joints_topic, JointState, vehicle.ground_truth.rate_hz)
+            )
         tf_hz = 0.0
         if odometry is not None:
             key = SENSOR_TOPICS["wheel_odometry"].key_in(
@@ -93,7 +95,7 @@ class Base:
             self.keys["truth"] = GROUND_TRUTH.key_in(run, vehicle=vehicle.name)
             tf_hz += odometry.rate_hz if odometry else vehicle.ground_truth.rate_hz
         if tf_hz:
-            self.places.append(Place(TF_TOPIC, Transforms, tf_hz))
+            self.places.append(BaseTopic(TF_TOPIC, Transforms, tf_hz))
         self._roles = {key: role for role, key in self.keys.items()}
         self.description_topic = f"{vehicle.namespace}/{DESCRIPTION}"
         self.description = urdf(
@@ -108,7 +110,7 @@ class Base:
         self._last: tuple[int, Floats] | None = None
         self._from_truth.restart()
 
-    def hear(self, key: str, message: Message) -> Iterator[Told]:
+    def hear(self, key: str, message: BusMessage) -> Iterator[Told]:
         """Yield what follows from a message of the bus."""
         role = self._roles.get(key)
         if role == "encoders" and isinstance(message, WheelEncoders):
@@ -195,7 +197,7 @@ class TrueTree:
     def __init__(self, vehicle: Vehicle, run: str) -> None:
         odometry = _first(vehicle, WheelOdometry) if vehicle.tf.odom else None
         self._roles: dict[str, str] = {}
-        self.places: list[Place] = []
+        self.places: list[BaseTopic] = []
         """What is told; nothing where `/tf` has `world` already."""
 
         if vehicle.tf.map != "truth":
@@ -207,7 +209,7 @@ class TrueTree:
                 )
                 self._roles[key] = "odometry"
                 rate_hz = odometry.rate_hz
-            self.places.append(Place(TRUE_TF_TOPIC, Transforms, rate_hz))
+            self.places.append(BaseTopic(TRUE_TF_TOPIC, Transforms, rate_hz))
         self._from_truth = TopFromTruth(
             WORLD_FRAME, _top(vehicle, odometry), alone=odometry is None
         )
@@ -216,7 +218,7 @@ class TrueTree:
         """Forget what was heard."""
         self._from_truth.restart()
 
-    def hear(self, key: str, message: Message) -> Iterator[Told]:
+    def hear(self, key: str, message: BusMessage) -> Iterator[Told]:
         """Yield what follows from a message of the bus."""
         role = self._roles.get(key)
         if role is not None and isinstance(message, Odometry):
@@ -241,13 +243,13 @@ class Bases:
         self.places = [place for teller in self._tellers for place in teller.places]
         """What is told when messages of the bus come."""
 
-        self.latched: dict[str, type[Message]] = {
+        self.latched: dict[str, type[BusMessage]] = {
             TF_STATIC_TOPIC: Transforms,
             **{base.description_topic: Text for base in self._bases},
         }
         """By topic: what `still` tells, at most."""
 
-    def hear(self, key: str, message: Message) -> Iterator[Told]:
+    def hear(self, key: str, message: BusMessage) -> Iterator[Told]:
         """Yield what follows from a message of the bus."""
         for teller in self._tellers:
             yield from teller.hear(key, message)

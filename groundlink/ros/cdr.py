@@ -16,7 +16,7 @@ from typing import Any
 from rosbags.serde import SerdeError
 from rosbags.typesys import get_types_from_msg
 
-from groundlink.messages.base import BadMessage, M, Message
+from groundlink.messages.base import BadBusMessage, BusMessage, M
 from groundlink.messages.relayed import Relayed
 from groundlink.scenario.sensor_kinds import load_reference, sensor_kinds
 
@@ -35,8 +35,8 @@ from .types import STORE, TYPES
 
 Body = bytes | bytearray | memoryview
 
-Reader = Callable[[Body, int], Message]
-"""From a body and the run's time to a message of the bus. Raises BadMessage."""
+Reader = Callable[[Body, int], BusMessage]
+"""From a body and the run's time to a message of the bus. Raises BadBusMessage."""
 
 _FAMILIES = (motion, points, imagery, navigation, ground_truth, vitals, faults, missing_readings)
 
@@ -47,7 +47,7 @@ def _of_kinds() -> list[Codec[Any]]:
     return [load_reference(own.codec) for own in support]
 
 
-CODECS: dict[type[Message], Codec[Any]] = {
+CODECS: dict[type[BusMessage], Codec[Any]] = {
     codec.message: codec
     for codec in (*chain.from_iterable(family.CODECS for family in _FAMILIES), *_of_kinds())
 }
@@ -61,17 +61,17 @@ ROS_CODECS = {message: codec for message, codec in CODECS.items() if not codec.r
 """Codecs of the messages that go to ROS."""
 
 
-def ros_type_of(message: type[Message], told: str = "") -> str:
+def ros_type_of(message: type[BusMessage], told: str = "") -> str:
     """Return the ROS type of a stream's messages; `told` is the type of relayed ones."""
     return told if message is Relayed else CODECS[message].ros_type
 
 
-def to_cdr(message: Message) -> memoryview:
+def to_cdr(message: BusMessage) -> memoryview:
     """Return a message as its ROS type's CDR, encapsulation header included.
 
     Raises
     ------
-    BadMessage
+    BadBusMessage
         when a number is beyond what the ROS type holds: a stamp after 2038, a large float32.
     """
     if isinstance(message, Relayed):
@@ -80,7 +80,7 @@ def to_cdr(message: Message) -> memoryview:
     try:
         return STORE.serialize_cdr(TYPES[codec.ros_type](**codec.encode(message)), codec.ros_type)
     except (struct.error, SerdeError, OverflowError) as error:
-        raise BadMessage(
+        raise BadBusMessage(
             f"no {codec.ros_type} holds this {type(message).__name__}: {error}"
         ) from None
 
@@ -90,14 +90,16 @@ def from_cdr(cdr: bytes | memoryview, message_type: type[M], moment: Moment) -> 
 
     Raises
     ------
-    BadMessage
+    BadBusMessage
         when it is no message of this type.
     """
     codec = CODECS[message_type]
     try:
         found: M = codec.decode(STORE.deserialize_cdr(cdr, codec.ros_type), moment)
     except (SerdeError, ValueError, KeyError) as error:
-        raise BadMessage(f"no {message_type.__name__} in this {codec.ros_type}: {error}") from None
+        raise BadBusMessage(
+            f"no {message_type.__name__} in this {codec.ros_type}: {error}"
+        ) from None
     return found
 
 
@@ -105,7 +107,7 @@ def _decoded(body: Body, ros_type: str) -> Any:
     try:
         return STORE.deserialize_cdr(bytes(body), ros_type)
     except SerdeError as error:
-        raise BadMessage(f"not a {ros_type}: {error}") from None
+        raise BadBusMessage(f"not a {ros_type}: {error}") from None
 
 
 def _read(body: Body, now_nanos: int, *, ros_type: str, checked: Callable[[Any, int], M]) -> M:
@@ -122,7 +124,7 @@ READERS: dict[str, Reader] = {
 """By ROS type: reads a stranger's body. Stamps are kept; numbers, sizes and names are checked."""
 
 
-def reader(message: type[Message], ros_type: str) -> Reader:
+def reader(message: type[BusMessage], ros_type: str) -> Reader:
     """Return what reads bodies of a ROS type as messages of the bus of one type."""
     return partial(relayed, ros_type=ros_type) if message is Relayed else READERS[ros_type]
 

@@ -14,7 +14,7 @@ from typing import Any, Generic
 
 from groundlink.core.clock import NANOS
 from groundlink.core.fields import Quaternion
-from groundlink.messages.base import BadMessage, M
+from groundlink.messages.base import BadBusMessage, M
 
 from .types import nanos
 
@@ -47,7 +47,7 @@ class Codec(Generic[M]):
     read: Callable[[Any, int], M] | None = None
     """Check a stranger's ROS message and return it, with the run's time for what has no stamp.
 
-    Raises BadMessage. None where ROS never sends this message.
+    Raises BadBusMessage. None where ROS never sends this message.
     """
 
     recorded_only: bool = False
@@ -70,27 +70,27 @@ def checked_stamp_and_frame(header: Any) -> tuple[int, str]:
 def checked_nanos(time: Any) -> int:
     """Return the nanoseconds of a stranger's builtin_interfaces/Time."""
     if time.nanosec >= NANOS:
-        raise BadMessage(f"a time with {time.nanosec} ns")
+        raise BadBusMessage(f"a time with {time.nanosec} ns")
     return nanos(time)
 
 
 def checked_name(name: str) -> str:
     """Return the name of a stranger's frame or joint."""
     if len(name.encode()) > MAX_NAME_BYTES or "\0" in name:
-        raise BadMessage("a frame's name that no frame has")
+        raise BadBusMessage("a frame's name that no frame has")
     return name
 
 
 def check_finite(*numbers: float) -> None:
-    """Raise BadMessage unless all numbers are finite."""
+    """Raise BadBusMessage unless all numbers are finite."""
     if not all(map(math.isfinite, numbers)):
-        raise BadMessage("a number is not finite")
+        raise BadBusMessage("a number is not finite")
 
 
 def checked_unit(quaternion: Quaternion) -> Quaternion:
     """Return an orientation with unit length; ROS nodes write them with few digits."""
     length = math.hypot(*quaternion)
     if not 0.9 < length < 1.1:
-        raise BadMessage(f"an orientation of length {length:.3g}; expected a unit quaternion")
+        raise BadBusMessage(f"an orientation of length {length:.3g}; expected a unit quaternion")
     x, y, z, w = (component / length for component in quaternion)
     return x, y, z, w

@@ -13,9 +13,8 @@ from typing import Any
 
 import msgspec
 
-from groundlink.messages.base import Health, StreamReport
+from groundlink.messages.base import NOT_REPORTED, Health, StreamReport
 from groundlink.messages.missing_readings import in_words, parted
-from groundlink.monitor.run_monitor import NOT_REPORTED
 
 from .statuses import OK, WARN, status
 from .types import STORE, TYPES, header

@@ -11,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from groundlink.messages.faults import Faults
+from groundlink.run.fault_messages import Faults
 from groundlink.scenario.faults import Fault
 
 from .codec import Codec, Moment

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from groundlink.messages.base import BadMessage, packed
+from groundlink.messages.base import BadBusMessage, packed
 from groundlink.messages.navigation import (
     JointState,
     NavSatFix,
@@ -129,11 +129,11 @@ def _read_occupancy_grid(ros: Any, now_nanos: int) -> OccupancyGrid:
     info = ros.info
     cells = np.asarray(ros.data, np.int8)  # any int8 is allowed
     if info.width * info.height != cells.size:
-        raise BadMessage(f"{info.width} x {info.height} cells are said, {cells.size} are there")
+        raise BadBusMessage(f"{info.width} x {info.height} cells are said, {cells.size} are there")
     position = xyz(info.origin.position)
     check_finite(info.resolution, *position)
     if not info.resolution > 0:
-        raise BadMessage(f"a resolution of {info.resolution} m")
+        raise BadBusMessage(f"a resolution of {info.resolution} m")
     return OccupancyGrid(
         *checked_stamp_and_frame(ros.header),
         checked_nanos(info.map_load_time),
@@ -205,7 +205,7 @@ def _read_joint_state(ros: Any, now_nanos: int) -> JointState:
     check_finite(*ros.position, *ros.velocity)
     count = len(ros.name)
     if len(ros.position) != count or len(ros.velocity) not in {0, count}:
-        raise BadMessage(f"{count} joints with {len(ros.position)} positions")
+        raise BadBusMessage(f"{count} joints with {len(ros.position)} positions")
     return JointState(
         stamp_nanos=now_nanos,
         frame="",

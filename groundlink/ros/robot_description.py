@@ -18,7 +18,8 @@ from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.frames import IDENTITY_QUATERNION, matrix_from_quaternion, rpy_from_matrix
 from groundlink.messages.navigation import Transform
 from groundlink.scenario.joints import Joint
-from groundlink.scenario.vehicle import VehicleModel, Wheel
+from groundlink.scenario.running_gear import Wheel
+from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Box, Cylinder, Material, Mesh, Shape, Solid, Sphere
 
 Element = ElementTree.Element

@@ -28,7 +28,7 @@ from groundlink.bus.topics import (
     VITALS,
     sensor_outputs,
 )
-from groundlink.messages.base import Clock, Message, State, floats
+from groundlink.messages.base import BusMessage, Clock, State, floats
 from groundlink.messages.ground_truth import WORLD_FRAME
 from groundlink.messages.navigation import Transform, Transforms
 from groundlink.messages.vitals import VITALS_HZ
@@ -49,7 +49,7 @@ class RosStream:
     """A stream of the bus that ROS knows as a topic."""
 
     key: str
-    message: type[Message]
+    message: type[BusMessage]
     topic: str
     declared_hz: float | None
     """None where nobody promised a rate."""

@@ -8,6 +8,7 @@ message of the bus is known here.
 from __future__ import annotations
 
 import struct
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -85,3 +86,20 @@ def float32(number: float) -> float:
 def array(packed: memoryview, dtype: Any) -> NDArray[Any]:
     """Return the numbers of a bin, without a copy."""
     return np.frombuffer(packed, dtype)
+
+
+DEFINITION_ENCODING = "ros2msg"
+"""Encoding of type definitions in MCAP files and Foxglove's protocol."""
+
+MESSAGE_ENCODING = "cdr"
+"""Encoding of the messages that a definition describes."""
+
+
+@cache
+def definition(ros_type: str) -> str:
+    """Return the full definition of a type such as `sensor_msgs/msg/Imu`.
+
+    The type's own fields come first, then those of every type that it contains.
+    """
+    text, _ = STORE.generate_msgdef(ros_type, ros_version=2)
+    return text

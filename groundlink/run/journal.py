@@ -28,8 +28,8 @@ from groundlink.core.atomic_file import write_atomically
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Ack, Command, State, WheelCommand, encode
-from groundlink.messages.control import Remove, Spawn
 from groundlink.messages.navigation import JointState
+from groundlink.run.control import Remove, Spawn
 from groundlink.scenario import Scenario
 
 VERSION = 1

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Meta
 
 from groundlink.core.fields import Positive
-from groundlink.messages.base import Message
+from groundlink.messages.base import BusMessage
 from groundlink.messages.imagery import CompressedImage, Image
 
 from .every_sensor import Carrier, Rate, SensorSpec
@@ -74,7 +74,7 @@ def jpeg_bytes(pixels: int, quality: int) -> int:
 
 def largest_picture(
     camera: Optics, frame: str, publish: str, encoding: str, quality: int
-) -> Message:
+) -> BusMessage:
     """Return the pixels of a camera, or the JPEG of pure noise where only that is published."""
     pixels = camera.width * camera.height
     if publish == "compressed":
@@ -106,7 +106,7 @@ class Camera(Optics, frozen=True, tag="camera", kw_only=True):
             topics["image"] = self.topic
         return topics | {"camera_info": f"{namespace}/camera_info"}
 
-    def largest_message(self, carrier: Carrier) -> Message:
+    def largest_message(self, carrier: Carrier) -> BusMessage:
         """Return a picture of pure noise."""
         frame = carrier.frame_prefix + self.frame
         return largest_picture(self, frame, self.publish, self.encoding, self.jpeg_quality)

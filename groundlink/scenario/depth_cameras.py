@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from groundlink.core.fields import NonNegative, Positive, Spec
-from groundlink.messages.base import POINT, Message, PointCloud
+from groundlink.messages.base import POINT, BusMessage, PointCloud
 from groundlink.messages.imagery import Image
 
 from .cameras import Optics, jpeg_bytes, largest_picture
@@ -105,7 +105,7 @@ class DepthCamera(Optics, frozen=True, tag="depth_camera", kw_only=True):
                 topics["color_image"] = self.color.topic
         return topics
 
-    def largest_message(self, carrier: Carrier) -> Message:
+    def largest_message(self, carrier: Carrier) -> BusMessage:
         """Return a cloud with a point for every pixel, or an image if that is more."""
         pixels, every = self.width * self.height, self.points_every
         sizes = {
@@ -163,7 +163,7 @@ class StereoCamera(Optics, frozen=True, tag="stereo_camera", kw_only=True):
             topics["right_compressed"] = f"{self.right_topic}/compressed"
         return topics
 
-    def largest_message(self, carrier: Carrier) -> Message:
+    def largest_message(self, carrier: Carrier) -> BusMessage:
         """Return a picture of pure noise of one eye."""
         frame = carrier.frame_prefix + self.frame
         return largest_picture(self, frame, self.publish, self.encoding, self.jpeg_quality)

@@ -15,7 +15,7 @@ from msgspec import Meta
 
 from groundlink.core.fields import Spec, Vector3
 from groundlink.core.frames import multiply, quaternion_from_rpy
-from groundlink.messages.base import Message
+from groundlink.messages.base import BusMessage
 from groundlink.messages.reading_schedule import Events, ReadingSchedule
 
 from .faults import Fault, Quantity
@@ -169,7 +169,7 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
         """Return which readings are due."""
         return Events(self.message_rate_hz)
 
-    def largest_message(self, carrier: Carrier) -> Message:
+    def largest_message(self, carrier: Carrier) -> BusMessage:
         """Return a message of the main stream that is as large as they get."""
         raise NotImplementedError(f"the specification of kind `{self.kind}` has no largest_message")
 

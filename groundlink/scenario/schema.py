@@ -301,3 +301,18 @@ class Scenario(Spec, frozen=True, kw_only=True):
 
 
 __all__ = ["Placement", "Scenario", "Time", "Vector3", "Vehicle", "World"]
+
+
+class Addition(Spec, frozen=True):
+    """What is added to a scenario."""
+
+    solids: tuple[Solid, ...] = ()
+    actors: tuple[Actor, ...] = ()
+    vehicles: tuple[Vehicle, ...] = ()
+    materials: dict[str, Material] = field(default_factory=dict)
+    """What it is made of; where the world has one of that name, the world's counts."""
+
+    def names(self) -> list[str]:
+        """Return what its things are called."""
+        vehicles, actors = (v.name for v in self.vehicles), (a.name for a in self.actors)
+        return [*vehicles, *actors, *(solid.name for solid in self.solids)]

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Union
 
 from groundlink.core.errors import UserError
-from groundlink.messages.base import Message
+from groundlink.messages.base import BusMessage
 
 from .every_sensor import SensorSpec, UnknownSensor
 
@@ -62,8 +62,8 @@ class SensorKind:
     spec: type[SensorSpec]
     """Fields of a scenario. The tag of the Struct is the name of the kind."""
 
-    streams: Mapping[str, type[Message]]
-    """Message type of each stream; the main stream has the empty name."""
+    streams: Mapping[str, type[BusMessage]]
+    """BusMessage type of each stream; the main stream has the empty name."""
 
     model: str
     """Callable `(scenario, vehicle, spec) -> SensorModel`."""
@@ -86,8 +86,8 @@ class SensorKind:
     streamable: bool = True
     """Other processes may publish the main stream (`vehicles.streams` in a scenario)."""
 
-    messages: Mapping[type[Message], MessageSupport] = field(default_factory=dict)
-    """Message types that the kind brings along."""
+    messages: Mapping[type[BusMessage], MessageSupport] = field(default_factory=dict)
+    """BusMessage types that the kind brings along."""
 
     disturb: Mapping[str, str] = field(default_factory=dict)
     """By quantity of the specification: callable `(reading, offsets) -> reading` for faults. A

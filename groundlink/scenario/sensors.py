@@ -43,7 +43,7 @@ __all__ = [
     "DepthCamera",
     "Encoders",
     "Gnss",
-    "Imu",
+    "InertialUnit",
     "Lidar",
     "Lidar2d",
     "Mount",
@@ -60,7 +60,7 @@ __all__ = [
 ]
 
 
-class Imu(SensorSpec, frozen=True, tag="imu"):
+class InertialUnit(SensorSpec, frozen=True, tag="imu"):
     """Accelerometer, gyroscope and orientation filter in one housing."""
 
     quantities: ClassVar = {

@@ -17,10 +17,20 @@ from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.fields import Fraction01, NonNegative, Positive, Size3, Spec, Vector3
 from groundlink.world.solids import Material, Solid
 
-from .drives import Ackermann, Battery, Differential, Drive, Shaft, SkidSteer, Tracked
-from .every_sensor import Frame, Mount, Name
+from .every_sensor import Frame, Mount
 from .joints import Joint
 from .joints import check as check_joints
+from .running_gear import (
+    Ackermann,
+    Battery,
+    Differential,
+    Drive,
+    Shaft,
+    SkidSteer,
+    Suspension,
+    Tracked,
+    Wheel,
+)
 
 ROUNDED = 1.01
 """Moments of inertia of flat things add up but for the digits that are left out."""
@@ -61,60 +71,6 @@ class Chassis(Spec, frozen=True, kw_only=True):
                 f"no body has an `inertia_kgm2` of {list(moments)}: none of the three is above the "
                 "sum of the others; leave it out for that of the box"
             )
-
-
-class Suspension(Spec, frozen=True):
-    """A spring and damper that carries one wheel along the base's z."""
-
-    travel_m: Positive = 0.06
-    """To each side of the loaded rest."""
-
-    stiffness_npm: Positive = 8000.0
-    damping_nspm: Positive = 500.0
-
-
-class Wheel(Spec, frozen=True, kw_only=True):
-    """One wheel; its joint is `<name>`, its link `<name>_link`."""
-
-    name: Name
-    center_m: Vector3
-    """In the base frame, springs at their loaded rest."""
-
-    radius_m: Positive
-    width_m: Positive
-    mass_kg: Positive
-    inertia_kgm2: Positive | None = None
-    """About its axle; none: that of the uniform cylinder."""
-
-    friction: NonNegative = 0.8
-    axle_friction_ratio: Fraction01 = 1.0
-    """Friction along the axle as a share of that in rolling direction: less skids round easier,
-    and sideways down a slope."""
-
-    restitution: Fraction01 = 0.0
-    rolling_resistance: NonNegative = 0.0
-    """Force against rolling as a share of the load."""
-
-    axle_damping_nmsprad: NonNegative = 0.0
-    """Torque of the bearing against the turning wheel, for each rad/s."""
-
-    caster: bool = False
-    """Never driven or braked: a ball that slides in every direction, by `friction`, as a wheel does
-    that swivels freely. A few hundredths stand for its rolling resistance."""
-
-    suspension: Suspension | None = None
-    """None: the vehicle's. There is always one: where the real wheel has no spring, its tire."""
-
-    material: str = "rubber"
-    """What it looks like: a cylinder of radius and width about its axle, the link's y."""
-
-    visuals: tuple[Solid, ...] = ()
-    """What it looks like if not that, in its link's frame."""
-
-    @property
-    def axle_inertia_kgm2(self) -> float:
-        """Moment of inertia about the axle."""
-        return self.inertia_kgm2 or self.mass_kg * self.radius_m**2 / 2
 
 
 class VehicleModel(Spec, frozen=True, kw_only=True):

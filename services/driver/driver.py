@@ -14,7 +14,7 @@ import msgspec
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS, exact
-from groundlink.messages.base import Ack, BadMessage, Command, State
+from groundlink.messages.base import Ack, BadBusMessage, Command, State
 from groundlink.scenario.route import COMMAND_AHEAD_TICKS, DRIVER_PERIOD_TICKS
 
 from .pure_pursuit import Progress, PurePursuitFollower
@@ -111,7 +111,7 @@ class Driver:
         self._due = _due_after(state.tick)
         try:
             follower = self._steer(state)
-        except BadMessage:
+        except BadBusMessage:
             self.refused += 1
             return
         memory = _Memory(self._start, follower.progress, self._commanded_tick, self._start_tick)
@@ -127,7 +127,7 @@ class Driver:
             return self._follower
         vehicle = state.vehicles.get(self._vehicle)
         if vehicle is None or not len(vehicle.link_poses):
-            raise BadMessage(f"the state lacks `{self._vehicle}`")
+            raise BadBusMessage(f"the state lacks `{self._vehicle}`")
         x, y, _, qx, qy, qz, qw = vehicle.poses()[0].tolist()
         yaw = atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
         if self._follower is None:

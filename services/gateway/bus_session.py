@@ -16,7 +16,7 @@ from groundlink.bus.core_topics import ACK, GATEWAY, HEALTH, PHYSICS, ROOT, STAT
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import history_key, link_key
 from groundlink.bus.session import Bus
-from groundlink.messages.base import Ack, Clock, Health, Message, State, decode
+from groundlink.messages.base import Ack, BusMessage, Clock, Health, State, decode
 from groundlink.process.joining import Heartbeat, join
 from groundlink.process.name_claim import NameClaim
 from groundlink.scenario import Scenario
@@ -47,15 +47,15 @@ class BusSession:
 
     def __init__(self, bus: Bus, run: str, claim: NameClaim) -> None:
         self.bus, self.run, self._claim = bus, run, claim
-        self.inbox: BusInbox[Message] = BusInbox(depth=INBOX_MESSAGES)
+        self.inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_MESSAGES)
         self.acknowledge = bus.publisher(ACK.key_in(run, process=GATEWAY), ACK.delivery)
         self.run_commands = RunCommandQueue(partial(send_command, bus, run), backlog=self.inbox)
         self.handed_over: tuple[int | None, bytes] = (None, b"")
         """Episode and memory of the last carrier."""
 
-        self._publishers: dict[str, Callable[[Message], bytes]] = {}
+        self._publishers: dict[str, Callable[[BusMessage], bytes]] = {}
         self._emulated: EmulatedSocket | None = None
-        self._types: dict[str, type[Message]] = {}
+        self._types: dict[str, type[BusMessage]] = {}
         self._physics: BusInbox[Health] = BusInbox(depth=16)
         self._worlds: int | None = None
         bus.subscribe(HEALTH.key_in(run, process=PHYSICS), Health, self._physics)
@@ -71,7 +71,7 @@ class BusSession:
             if each.key not in self._publishers:
                 self._publishers[each.key] = self.bus.publisher(each.key, Delivery.ALL)
 
-    def publish(self, key: str, message: Message) -> None:
+    def publish(self, key: str, message: BusMessage) -> None:
         """Publish a message from ROS."""
         self._publishers[key](message)
 
@@ -97,7 +97,7 @@ class BusSession:
         if is_first:
             self.bus.subscribe_in_order(f"{ROOT}/{self.run}/**", self._type_of, self.inbox)
 
-    def _type_of(self, key: str) -> type[Message] | None:
+    def _type_of(self, key: str) -> type[BusMessage] | None:
         is_ack = key.startswith(ACK.key_in(self.run, process=""))
         return Ack if is_ack else self._types.get(key)
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 from groundlink.bus.inbox import BusInbox
 from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
-from groundlink.messages.base import Ack, Clock, Message, measured_nanos
+from groundlink.messages.base import Ack, BusMessage, Clock, measured_nanos
 from groundlink.scenario import Scenario
 from udp_bridge.io.link import Link
 
@@ -55,13 +55,13 @@ class Forwarder:
         self._clocks = Schedule.at(scenario.time.clock_rate_hz)
         self._episode = 0
         self.tick = -1
-        self._pile: deque[tuple[str, Message]] = deque()
+        self._pile: deque[tuple[str, BusMessage]] = deque()
         self._newest: Clock | None = None
         """Newest clock in the pile."""
 
         self.counts = {"clocks_missed": 0}
 
-    def listen(self, inbox: BusInbox[Message]) -> tuple[str, Message] | None:
+    def listen(self, inbox: BusInbox[BusMessage]) -> tuple[str, BusMessage] | None:
         """Return the next message of the bus, if one arrives in time."""
         if not self._pile and len(inbox) > PILE_MESSAGES and not self._is_waited_for:
             self._newest = None
@@ -71,7 +71,7 @@ class Forwarder:
                     self._newest = arrived[1]
         return self._pile.popleft() if self._pile else inbox.get(seconds=LISTEN_SECONDS)
 
-    def hear(self, key: str, message: Message) -> None:
+    def hear(self, key: str, message: BusMessage) -> None:
         """Handle a message of the bus."""
         if self._is_stale(message):
             self._gateway.counts["stale"] += 1
@@ -85,7 +85,7 @@ class Forwarder:
             self._episode, self.tick = message.episode, message.tick
             self._acknowledge(Ack(message.episode, message.tick, message.tick))
 
-    def _is_stale(self, message: Message) -> bool:
+    def _is_stale(self, message: BusMessage) -> bool:
         """Return whether a message, which may be a clock, has waited too long in the pile."""
         newest = self._newest
         if newest is None or newest.episode != self._episode:

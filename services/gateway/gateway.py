@@ -12,10 +12,10 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 from groundlink.messages.base import (
-    BadMessage,
+    BadBusMessage,
+    BusMessage,
     Clock,
     Command,
-    Message,
     Reading,
     StreamReport,
     measured_nanos,
@@ -44,7 +44,7 @@ from .subscribers import Address, Subscribers, TopicKey
 STALE_SLACK_NANOS = 100_000_000
 """A stream may be this much ahead of the newest clock message."""
 
-ToRos = tuple[TopicKey, Message]
+ToRos = tuple[TopicKey, BusMessage]
 """A message with its wire type and topic."""
 
 
@@ -67,7 +67,7 @@ class Gateway:
         run: str,
         *,
         peer: Address,
-        publish: Callable[[str, Message], object],
+        publish: Callable[[str, BusMessage], object],
         on_run_command: Callable[[RunCommand], object] = lambda command: None,
         replies: ReplyMailbox | None = None,
     ) -> None:
@@ -127,7 +127,7 @@ class Gateway:
 
         self.counts = dict.fromkeys(("stale", "too_large", "commands", "from_ros", "refused"), 0)
 
-    def forward(self, key: str, message: Message, link: Link) -> list[ToRos]:
+    def forward(self, key: str, message: BusMessage, link: Link) -> list[ToRos]:
         """Send a message of the bus, and the messages derived from it, to all subscribers.
 
         Returns
@@ -204,11 +204,11 @@ class Gateway:
         except Refused:
             self.counts["refused"] += 1
 
-    def take(self, message: WireMessage) -> tuple[str, Message] | None:
+    def take(self, message: WireMessage) -> tuple[str, BusMessage] | None:
         """Publish a message from ROS on the bus; return it with its key if it could be read."""
         try:
             key, taken = self.subscriptions.read(message, self.clock_nanos)
-        except BadMessage:
+        except BadBusMessage:
             self.counts["refused"] += 1
             return None
         self._publish(key, taken)
@@ -235,7 +235,12 @@ class Gateway:
         return rows, counts | peer_counters(self._reports.link)
 
     def _send(
-        self, place: TopicKey, message: Message, link: Link, *, to: Sequence[Address] | None = None
+        self,
+        place: TopicKey,
+        message: BusMessage,
+        link: Link,
+        *,
+        to: Sequence[Address] | None = None,
     ) -> Sequence[Address]:
         """Send a message to some receivers, or to all subscribers; return to whom."""
         stamp_nanos = measured_nanos(message)
@@ -246,7 +251,7 @@ class Gateway:
             return to
         try:
             cdr = to_cdr(message)
-        except BadMessage:
+        except BadBusMessage:
             self.counts["refused"] += 1
             return ()
         msg_type, topic = place

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from groundlink.messages.base import BadMessage, Message
+from groundlink.messages.base import BadBusMessage, BusMessage
 from groundlink.ros.cdr import Body, reader
 from groundlink.ros.streams import incoming
 from groundlink.scenario import Scenario
@@ -34,7 +34,7 @@ class RosSubscription:
     msg_type: int
     topic: str
     key: str
-    reader: Callable[[Body, int], Message]
+    reader: Callable[[Body, int], BusMessage]
     """Reads a body, received at a time of the run."""
 
     def subscribe(self) -> bytes:
@@ -45,12 +45,12 @@ class RosSubscription:
         """Return the body of a Subscribe message that ends it."""
         return Subscribe(self.msg_type, action=0).pack()
 
-    def read(self, message: WireMessage, now_nanos: int) -> Message:
+    def read(self, message: WireMessage, now_nanos: int) -> BusMessage:
         """Return a message as the bus has it.
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             when the body does not fit its type.
         """
         return self.reader(message.body, now_nanos)
@@ -72,15 +72,15 @@ class RosSubscriptions:
     def __iter__(self) -> Iterator[RosSubscription]:
         return iter(self._by_topic.values())
 
-    def read(self, message: WireMessage, now_nanos: int | None) -> tuple[str, Message]:
+    def read(self, message: WireMessage, now_nanos: int | None) -> tuple[str, BusMessage]:
         """Return a message as the bus has it, with its key; `now_nanos` is the run's time.
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             when it was not subscribed to, does not fit its type, or the run has no time yet.
         """
         each = self._by_topic.get((message.msg_type, message.topic))
         if each is None or now_nanos is None:
-            raise BadMessage(f"{message.topic} is not subscribed to, or the run has no time yet")
+            raise BadBusMessage(f"{message.topic} is not subscribed to, or the run has no time yet")
         return each.key, each.read(message, now_nanos)

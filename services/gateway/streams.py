@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from groundlink.messages.base import Message
+from groundlink.messages.base import BusMessage
 from groundlink.messages.ground_truth import TruePoints
 from groundlink.ros.cdr import CODECS, ROS_CODECS
 from groundlink.ros.message_sizes import body_bytes
@@ -20,12 +20,12 @@ from .subscribers import TopicKey
 TF_MESSAGE = type_number("TFMessage")
 
 
-def wire_type(message: type[Message], ros_type: str = "") -> int:
+def wire_type(message: type[BusMessage], ros_type: str = "") -> int:
     """Return the wire type of a stream's ROS type; `TYPED` for a ROS type without a number."""
     return NUMBER_OF_ROS_TYPE.get(ros_type or ROS_CODECS[message].ros_type, TYPED)
 
 
-def wire_body(place: TopicKey, message: Message, cdr: memoryview) -> memoryview:
+def wire_body(place: TopicKey, message: BusMessage, cdr: memoryview) -> memoryview:
     """Return the body that the wire carries: the CDR; for `TYPED`, the type's name before it."""
     if place[0] != TYPED:
         return cdr

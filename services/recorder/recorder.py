@@ -17,7 +17,7 @@ from typing import Protocol
 
 from groundlink.bus.topics import STREAM_TOPICS, sensor_outputs
 from groundlink.core.clock import NANOS, TICK_NANOS, Schedule, exact
-from groundlink.messages.base import Ack, BadMessage, Clock, Health, Message, measured_nanos
+from groundlink.messages.base import Ack, BadBusMessage, BusMessage, Clock, Health, measured_nanos
 from groundlink.ros.base import Bases
 from groundlink.ros.cdr import ros_type_of, to_cdr
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
@@ -88,7 +88,7 @@ class Recorder:
         begin: Callable[[int], RecordingFile],
         *,
         duration_nanos: int | None = None,
-        early: Iterable[tuple[str, Message]] = (),
+        early: Iterable[tuple[str, BusMessage]] = (),
         absent: Collection[str] = (),
         acknowledging: Collection[str] = (),
         dropped: Mapping[str, int] = MappingProxyType({}),
@@ -160,7 +160,7 @@ class Recorder:
         since = Counter(self._dropped) - self._dropped_before
         return {topics[key]: count for key, count in since.items() if key in topics}
 
-    def take(self, key: str, message: Message) -> None:
+    def take(self, key: str, message: BusMessage) -> None:
         """Write a message of one of the run's streams.
 
         Raises
@@ -180,13 +180,13 @@ class Recorder:
         else:
             self._take(key, message)
 
-    def _outruns_clock(self, key: str, message: Message) -> bool:
+    def _outruns_clock(self, key: str, message: BusMessage) -> bool:
         if key not in self._outgoing:
             return False
         assert self.clock is not None
         return measured_nanos(message) > self.clock.stamp_nanos + AHEAD_NANOS
 
-    def _take(self, key: str, message: Message) -> None:
+    def _take(self, key: str, message: BusMessage) -> None:
         if (stream := self._incoming.get(key)) is not None:
             assert self.clock is not None
             # Commands have simulation time; other stamps from ROS may be of another clock.
@@ -213,7 +213,7 @@ class Recorder:
         if sensor in self._settled_ticks and self.clock and ack.episode == self.clock.episode:
             self._settled_ticks[sensor] = ack.settled_tick
 
-    def is_another_episode(self, message: Message) -> bool:
+    def is_another_episode(self, message: BusMessage) -> bool:
         """Return whether a message is a clock of another episode."""
         if not isinstance(message, Clock) or self.clock is None:
             return False
@@ -296,16 +296,16 @@ class Recorder:
         for topic, told, _ in self._bases.still(clock.epoch_nanos):
             self._put(topic, ros_type_of(type(told)), clock.stamp_nanos, told)
 
-    def _write(self, key: str, message: Message, nanos: int) -> None:
+    def _write(self, key: str, message: BusMessage, nanos: int) -> None:
         stream = self._outgoing.get(key) or self._incoming[key]
         self._put(stream.topic, ros_type_of(stream.message, stream.ros_type), nanos, message)
 
-    def _put(self, topic: str, ros_type: str, nanos: int, message: Message) -> None:
+    def _put(self, topic: str, ros_type: str, nanos: int, message: BusMessage) -> None:
         if self._is_beyond(nanos):
             return
         try:
             cdr = to_cdr(message)
-        except BadMessage:
+        except BadBusMessage:
             self.counts["refused"] += 1
             return
         self._topic(topic, ros_type).write(nanos, cdr)

@@ -16,7 +16,7 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import history_key
 from groundlink.bus.session import Bus
 from groundlink.core.backoff import Backoff
-from groundlink.messages.base import Ack, Clock, Health, Message, State, decode
+from groundlink.messages.base import Ack, BusMessage, Clock, Health, State, decode
 from groundlink.process.joining import Heartbeat
 from groundlink.ros.streams import incoming, outgoing, recorded_only
 from groundlink.scenario import Scenario
@@ -73,7 +73,7 @@ class BusRecorder:
     ) -> None:
         self._bus, self._scenario, self._run, self._files = bus, scenario, run, files
         self._duration_nanos, self._absent, self._ordered = duration_nanos, absent, ordered
-        self._inbox: BusInbox[Message] = BusInbox(depth=INBOX_MESSAGES)
+        self._inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_MESSAGES)
         self._recorder = self._new_recorder()
         streams = (
             *outgoing(scenario, run),
@@ -113,7 +113,7 @@ class BusRecorder:
         finally:
             self._files.finish(self._recorder)
 
-    def _new_recorder(self, early: Iterable[tuple[str, Message]] = ()) -> Recorder:
+    def _new_recorder(self, early: Iterable[tuple[str, BusMessage]] = ()) -> Recorder:
         return Recorder(
             *(self._scenario, self._run, self._files.begin),
             duration_nanos=self._duration_nanos,
@@ -123,7 +123,7 @@ class BusRecorder:
             dropped=self._inbox.dropped_of,
         )
 
-    def _take(self, key: str, message: Message) -> None:
+    def _take(self, key: str, message: BusMessage) -> None:
         if isinstance(message, Health):
             self._recorder.heard(message)
             return

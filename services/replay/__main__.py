@@ -26,7 +26,7 @@ from groundlink.bus.zenoh_config import DEFAULT_ENDPOINT
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
 from groundlink.core.extras import process_needs
-from groundlink.messages.base import Ack, Clock, Message
+from groundlink.messages.base import Ack, BusMessage, Clock
 from groundlink.process import asset_exchange
 from groundlink.process import runner as process
 from groundlink.process.joining import Heartbeat, report_missing_kinds
@@ -188,7 +188,7 @@ class _Replay:
     def __post_init__(self) -> None:
         streams = self.player.streams.values()
         # A replay can wait, so no message needs to be dropped.
-        self._publish: dict[str, Callable[[Message], bytes]] = {
+        self._publish: dict[str, Callable[[BusMessage], bytes]] = {
             stream.key: self.bus.publisher(stream.key, Delivery.ALL) for stream in streams
         }
         self._heartbeat = Heartbeat(self.bus, self.run, NAME)

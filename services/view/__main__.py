@@ -21,14 +21,14 @@ from groundlink.cli.files.view import add_arguments
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
-from groundlink.messages.base import Health, Message, State
+from groundlink.messages.base import BusMessage, Health, State
 from groundlink.process import runner as process
 from groundlink.process.joining import Heartbeat, changed_world, join_world, report_missing_kinds
 from groundlink.ros.streams import RosStream
 from groundlink.scenario import Scenario
-from groundlink.world.build import world_hash
+from groundlink.scene.build import world_hash
 
-from .reconstructed_states import StateReconstructor, StreamMessage
+from .reconstructed_states import ReceivedMessage, StateReconstructor
 from .viewer_subscriptions import ViewerSubscriptions, streams_of
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class RunView(Protocol):
     def take_states(self, states: Sequence[State]) -> None:
         """Take states, oldest first."""
 
-    def take(self, path: str, stream: RosStream, message: Message) -> None:
+    def take(self, path: str, stream: RosStream, message: BusMessage) -> None:
         """Take a message of a stream."""
 
     def take_health(self, health: Health, now_seconds: float) -> None:
@@ -152,7 +152,7 @@ def show_file(options: argparse.Namespace, stop: threading.Event) -> None:
                 if stop.is_set() or not view.alive():
                     return
                 came = [
-                    StreamMessage(paths[each.key], streams[paths[each.key]], each.message)
+                    ReceivedMessage(paths[each.key], streams[paths[each.key]], each.message)
                     for each in together
                 ]
                 states, messages = truth.follow(came)

@@ -17,7 +17,7 @@ import rerun as rr
 from groundlink.core.clock import NANOS
 from groundlink.core.frames import Floats, transform
 from groundlink.messages import imagery, navigation
-from groundlink.messages.base import Command, Imu, Message, PointCloud, WheelEncoders, floats
+from groundlink.messages.base import BusMessage, Command, Imu, PointCloud, WheelEncoders, floats
 from groundlink.messages.ground_truth import TruePoints
 from groundlink.messages.relayed import Relayed
 from groundlink.ros.cdr import READERS
@@ -263,7 +263,7 @@ def relayed(drawing: Drawing, track: Track, path: str, message: Relayed) -> None
 
 Form = Callable[[Drawing, Track, str, Any], None]
 
-FORMS: dict[type[Message], Form] = {
+FORMS: dict[type[BusMessage], Form] = {
     Command: command,
     Imu: imu,
     PointCloud: point_cloud,

@@ -34,12 +34,12 @@ from groundlink.core.clock import NANOS
 from groundlink.scenario import Scenario
 from groundlink.scenario.joints import base_from_links
 from groundlink.scenario.schema import Vehicle
+from groundlink.scene.build import solids
+from groundlink.scene.vehicle_links import link_solids
 from groundlink.world import actors
-from groundlink.world.build import solids
 from groundlink.world.solids import Box, Cylinder, Material, Solid
 from groundlink.world.solids import Mesh as MeshShape
 from groundlink.world.terrain import BODY
-from groundlink.world.vehicle_links import link_solids
 
 from .meshes import ShadedMesh, mesh, rgba, terrain
 

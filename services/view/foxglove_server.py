@@ -15,12 +15,12 @@ from foxglove.channels import SceneUpdateChannel
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener
 
 from groundlink.core.errors import UserError
-from groundlink.messages.base import BadMessage, Clock, Health, Message, State
+from groundlink.messages.base import BadBusMessage, BusMessage, Clock, Health, State
 from groundlink.messages.navigation import OccupancyGrid, Transforms
 from groundlink.ros.base import Bases
 from groundlink.ros.cdr import ros_type_of, to_cdr
-from groundlink.ros.definitions import ENCODING, MESSAGE_ENCODING, definition
 from groundlink.ros.streams import TRUE_TF_TOPIC, RosStream, actor_transforms
+from groundlink.ros.types import DEFINITION_ENCODING, MESSAGE_ENCODING, definition
 from groundlink.scenario import Scenario
 
 from .foxglove_scene import scene
@@ -44,7 +44,7 @@ class FoxgloveServer(ServerListener):
             for path, stream in streams.items()
         }
         self._bases = Bases(scenario, run, truth=True)
-        told: dict[str, type[Message]] = {p.topic: p.message for p in self._bases.places}
+        told: dict[str, type[BusMessage]] = {p.topic: p.message for p in self._bases.places}
         told |= {TRUE_TF_TOPIC: Transforms, **self._bases.latched}
         self._told = {topic: self._channel(topic, message) for topic, message in told.items()}
         self._scene = SceneUpdateChannel(SCENE_TOPIC, context=self._context)
@@ -97,7 +97,7 @@ class FoxgloveServer(ServerListener):
         if newest.actors and self._scenario.world.actors:
             self._log(self._told[TRUE_TF_TOPIC], actor_transforms(self._scenario, newest))
 
-    def take(self, path: str, stream: RosStream, message: Message) -> None:
+    def take(self, path: str, stream: RosStream, message: BusMessage) -> None:
         """Serve a message under its ROS topic."""
         if isinstance(message, Clock):
             self._server.broadcast_time(message.stamp_nanos)
@@ -141,19 +141,19 @@ class FoxgloveServer(ServerListener):
         if channel.topic in self._latched:
             self._is_owed = True
 
-    def _channel(self, topic: str, message: type[Message], told: str = "") -> Channel:
+    def _channel(self, topic: str, message: type[BusMessage], told: str = "") -> Channel:
         name = ros_type_of(message, told)
-        schema = Schema(name=name, encoding=ENCODING, data=definition(name).encode())
+        schema = Schema(name=name, encoding=DEFINITION_ENCODING, data=definition(name).encode())
         return Channel(
             topic, schema=schema, message_encoding=MESSAGE_ENCODING, context=self._context
         )
 
-    def _log(self, channel: Channel, message: Message) -> None:
+    def _log(self, channel: Channel, message: BusMessage) -> None:
         if not channel.has_sinks():
             return
         try:
             cdr = bytes(to_cdr(message))
-        except BadMessage:
+        except BadBusMessage:
             self.refused += 1
             return
         stamp: int = message.stamp_nanos  # type: ignore[attr-defined]

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from groundlink.messages.base import Health, StreamReport
-from groundlink.monitor.run_monitor import NOT_REPORTED, RunMonitor, keeps_rate
+from groundlink.messages.base import NOT_REPORTED, Health, StreamReport
+from groundlink.monitor.run_monitor import RunMonitor, keeps_rate
 
 from .plots import LINE_COLORS, Plots
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats, matrix_from_quaternion
 from groundlink.scenario import Scenario
+from groundlink.scene.build import solids
 from groundlink.world import mesh_asset
-from groundlink.world.build import solids
 from groundlink.world.colors import srgb
 from groundlink.world.objects.indoor_objects import build_room
 from groundlink.world.solids import Material, Solid

@@ -17,8 +17,8 @@ import numpy as np
 from groundlink.core.clock import NANOS
 from groundlink.core.frames import Floats, conjugate, matrix_from_quaternion, multiply
 from groundlink.messages.base import (
+    BusMessage,
     Clock,
-    Message,
     PointCloud,
     State,
     VehicleState,
@@ -33,18 +33,18 @@ from groundlink.ros.streams import Outgoing, RosStream
 from groundlink.scenario import Scenario
 from groundlink.scenario.joints import base_from_links
 from groundlink.scenario.schema import Vehicle
-from groundlink.world.build import world_hash
+from groundlink.scene.build import world_hash
 
 HELD = 64
 """Messages that may wait for the ground truth of their end; beyond it the oldest are dropped."""
 
 
-class StreamMessage(NamedTuple):
+class ReceivedMessage(NamedTuple):
     """A message of a stream of the run."""
 
     path: str
     stream: RosStream
-    message: Message
+    message: BusMessage
 
 
 class StateReconstructor:
@@ -61,12 +61,12 @@ class StateReconstructor:
     def _begin(self) -> None:
         self._actors = memoryview(b"")
         self._newest_nanos = -1
-        self._held: deque[StreamMessage] = deque(maxlen=HELD)
+        self._held: deque[ReceivedMessage] = deque(maxlen=HELD)
 
-    def follow(self, came: Iterable[StreamMessage]) -> tuple[list[State], list[StreamMessage]]:
+    def follow(self, came: Iterable[ReceivedMessage]) -> tuple[list[State], list[ReceivedMessage]]:
         """Return the states made from messages, and the messages to draw after them."""
         vehicles: dict[int, dict[str, VehicleState]] = {}
-        drawable: list[StreamMessage] = []
+        drawable: list[ReceivedMessage] = []
         for each in came:
             message, (name, _, rest) = each.message, each.path.partition("/")
             if isinstance(message, Clock):
@@ -168,7 +168,7 @@ class _Links:
         return VehicleState(packed(poses), packed(velocity), packed(self.angles), still)
 
 
-def _end_nanos(each: StreamMessage) -> int:
+def _end_nanos(each: ReceivedMessage) -> int:
     """Return the end of the measurement of a message."""
     assert isinstance(each.stream, Outgoing)
     return measured_nanos(each.message) + round(NANOS / each.stream.declared_hz)

@@ -14,12 +14,12 @@ import rerun as rr
 
 from groundlink.core.clock import NANOS
 from groundlink.core.frames import conjugate, matrix_from_quaternion
-from groundlink.messages.base import Health, Message, State, floats
+from groundlink.messages.base import BusMessage, Health, State, floats
 from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.ros.streams import RosStream
 from groundlink.scenario import Scenario
+from groundlink.scene.vehicle_links import link_solids
 from groundlink.world import actors
-from groundlink.world.vehicle_links import link_solids
 
 from . import link_panel
 from .colors import Coloring
@@ -93,7 +93,7 @@ class RerunView:
             for actor, pose in zip(self._scenario.world.actors, poses, strict=False):
                 self.drawing.move(actor.name, WORLD, pose, states[-1].stamp_nanos)
 
-    def take(self, path: str, stream: RosStream, message: Message) -> None:
+    def take(self, path: str, stream: RosStream, message: BusMessage) -> None:
         """Draw a message of a vehicle, if a state came before it: its epoch is needed."""
         track = self.drawing.vehicles.get(path.partition("/")[0])
         if self.drawing.epoch_nanos is not None and track is not None:

@@ -13,7 +13,7 @@ from typing import Any
 from groundlink.bus.core_topics import HEALTH, STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.messages.base import Health, Imu, M, Message, PointCloud, State
+from groundlink.messages.base import BusMessage, Health, Imu, M, PointCloud, State
 from groundlink.messages.ground_truth import TruePoints
 from groundlink.messages.imagery import CompressedImage, Image
 from groundlink.messages.navigation import OccupancyGrid
@@ -22,9 +22,9 @@ from groundlink.ros.streams import RosStream, incoming, outgoing
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import RotatingLidar
 
-from .reconstructed_states import StateReconstructor, StreamMessage
+from .reconstructed_states import ReceivedMessage, StateReconstructor
 
-KEPT: dict[type[Message], int] = {
+KEPT: dict[type[BusMessage], int] = {
     State: 1000,
     Imu: 1000,
     PointCloud: 3,
@@ -53,20 +53,20 @@ class ViewerSubscriptions:
         self._states: BusInbox[State] = BusInbox(depth=KEPT[State])
         self._truth: StateReconstructor | None = StateReconstructor(scenario, run)
         self._health: BusInbox[Health] = BusInbox(depth=KEPT_OF_OTHERS)
-        self._boxes: dict[str, BusInbox[Message]] = {}
+        self._boxes: dict[str, BusInbox[BusMessage]] = {}
         bus.subscribe(STATE.key_in(run), State, self._states)
         bus.subscribe(HEALTH.key_in(run), Health, self._health)
         for path, stream in self.streams.items():
             depth = KEPT.get(stream.message, KEPT_OF_OTHERS)
             if stream.message in (PointCloud, TruePoints):
                 depth *= _blocks(scenario, path.removesuffix("/truth"))
-            box = self._boxes[path] = BusInbox[Message](depth=depth)
+            box = self._boxes[path] = BusInbox[BusMessage](depth=depth)
             bus.subscribe(stream.key, stream.message, box)
 
-    def take(self) -> tuple[list[State], list[StreamMessage]]:
+    def take(self) -> tuple[list[State], list[ReceivedMessage]]:
         """Return waiting states, and the messages of all streams that can be drawn."""
         came = [
-            StreamMessage(path, self.streams[path], message)
+            ReceivedMessage(path, self.streams[path], message)
             for path, box in self._boxes.items()
             for message in _waiting(box)
         ]

@@ -21,7 +21,7 @@ from groundlink.bus.core_topics import CLOCK, GATEWAY, HEALTH
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import GAPS, sensor_outputs
 from groundlink.core.clock import NANOS
-from groundlink.messages.base import Clock, Health, Message, decode, measured_nanos
+from groundlink.messages.base import BusMessage, Clock, Health, decode, measured_nanos
 from groundlink.messages.missing_readings import Gap, Gaps
 from groundlink.messages.reading_schedule import ReadingSchedule
 from groundlink.process.joining import join
@@ -109,7 +109,7 @@ class Ledger:
     ) -> None:
         self._bus.close()
 
-    def put(self, key: str, payload: bytes, message_type: type[Message]) -> None:
+    def put(self, key: str, payload: bytes, message_type: type[BusMessage]) -> None:
         """Take a message of the bus."""
         message = decode(payload, message_type)
         if isinstance(message, Health):

@@ -9,7 +9,7 @@ from experiments.recording.faults import CLOUD, FAULTS, IMU, TF
 from experiments.recording.setups import ROOT
 from experiments.studies.guard import LISTENERS, SETUP, is_worse
 from groundlink.loader import load
-from groundlink.world.build import solids
+from groundlink.scene.build import solids
 from groundlink.world.solids import Mesh
 
 

@@ -19,7 +19,7 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import process_names, sensor_outputs
 from groundlink.loader import load
-from groundlink.messages.base import M, Message, decode, measured_nanos
+from groundlink.messages.base import BusMessage, M, decode, measured_nanos
 
 from .rig import Rig, rig, wait_for
 
@@ -34,7 +34,7 @@ Heard = dict[str, list[tuple[int, str]]]
 """By stream: the instant and the sha256 of each body before `UNTIL_NANOS`, in order."""
 
 
-class _Stream(BusInbox[Message]):
+class _Stream(BusInbox[BusMessage]):
     """Hashes what arrives at once, on the transport's thread."""
 
     def __init__(self) -> None:

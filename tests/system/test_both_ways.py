@@ -15,7 +15,7 @@ from groundlink.bus.core_topics import STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import FROM_ROS, RELAYED, STREAM_TOPICS
-from groundlink.messages.base import Message, State
+from groundlink.messages.base import BusMessage, State
 from groundlink.messages.relayed import Relayed
 from groundlink.ros.cdr import ROS_CODECS, to_cdr
 from tests.udp_bridge.vectors import VECTORS
@@ -165,7 +165,7 @@ def test_a_pose_and_a_map_of_ros_are_typed_messages_on_the_bus(running: Running)
     for name in ("pose", "map"):
         example = EXAMPLES[name]
         row = FROM_ROS[name]
-        inbox: BusInbox[Message] = BusInbox(depth=100)
+        inbox: BusInbox[BusMessage] = BusInbox(depth=100)
         key = row.key_in(it.run, vehicle="rover")
         running.bus.subscribe(key, row.message, inbox)
         ros_type = ROS_CODECS[row.message].ros_type
@@ -183,7 +183,7 @@ def test_any_further_topic_of_ros_is_on_the_bus_as_it_came(running: Running) -> 
     for datagram in path.datagrams:
         whole = reassembler.receive(datagram, "", 0)
     assert whole
-    inbox: BusInbox[Message] = BusInbox(depth=100)
+    inbox: BusInbox[BusMessage] = BusInbox(depth=100)
     running.bus.subscribe(RELAYED.key_in(it.run), Relayed, inbox)
     it.start("-m", "tests.ros.replayer", PATH, "/plan", bytes(whole.body).hex(), log="plan.log")
     arrived = inbox.get(seconds=20)

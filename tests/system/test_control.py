@@ -15,7 +15,7 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.messages.base import Imu, encode
-from groundlink.messages.control import Pause, Reset, Resume, Step
+from groundlink.run.control import Pause, Reset, Resume, Step
 
 from .rig import Rig, rig, wait_for
 

@@ -24,7 +24,7 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import GAPS, SENSOR_TOPICS
 from groundlink.core.clock import TICK_NANOS
-from groundlink.messages.base import Clock, Imu, Message, PointCloud, WheelEncoders
+from groundlink.messages.base import BusMessage, Clock, Imu, PointCloud, WheelEncoders
 from groundlink.messages.missing_readings import Gap, Gaps
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
 
@@ -34,7 +34,7 @@ pytestmark = pytest.mark.system
 
 LIDAR = "rover/lidar"
 LIDAR_PERIOD = 100_000_000
-STREAMS: dict[str, tuple[BusTopic, type[Message], int]] = {
+STREAMS: dict[str, tuple[BusTopic, type[BusMessage], int]] = {
     "lidar": (SENSOR_TOPICS["lidar"], PointCloud, LIDAR_PERIOD),
     "imu": (SENSOR_TOPICS["imu"], Imu, 2_500_000),
     "encoders": (SENSOR_TOPICS["encoders"], WheelEncoders, 20_000_000),
@@ -50,9 +50,9 @@ class Run:
     def __init__(self, it: Rig, bus: Bus) -> None:
         self._rig = it
         self._report = it.folder / "report.json"
-        self._inboxes: dict[str, BusInbox[Message]] = {}
+        self._inboxes: dict[str, BusInbox[BusMessage]] = {}
         for name, (row, message, _) in STREAMS.items():
-            inbox: BusInbox[Message] = BusInbox(depth=100_000)
+            inbox: BusInbox[BusMessage] = BusInbox(depth=100_000)
             bus.subscribe(row.key_in(it.run, vehicle="rover", sensor=name), message, inbox)
             self._inboxes[name] = inbox
         self._gaps: BusInbox[Gaps] = BusInbox(depth=1000)

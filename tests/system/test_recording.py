@@ -33,7 +33,7 @@ from groundlink.recording.reader import Recording
 from groundlink.ros.cdr import from_cdr
 from groundlink.ros.codec import Moment
 from groundlink.scenario.sensors import Lidar
-from groundlink.world.build import solids, world_hash
+from groundlink.scene.build import solids, world_hash
 from groundlink.world.solids import Box, Cylinder, Solid
 
 from .rig import REPOSITORY, Rig, children_of, free_port, rig, wait_for

@@ -20,8 +20,8 @@ from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.core.clock import TICK_NANOS
 from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.messages.base import Command, Imu, M, State, decode, encode
-from groundlink.messages.control import Pause, Remove, Restore, Resume, Spawn, Step
-from groundlink.messages.faults import FaultAnswer
+from groundlink.run.control import Pause, Remove, Restore, Resume, Spawn, Step
+from groundlink.run.fault_messages import FaultAnswer
 from groundlink.run.journal import Commanded, dumped, encode_entry, loaded, state_digest
 from groundlink.scenario.faults import Delay, Drop, Fault, Stuck
 

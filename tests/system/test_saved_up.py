@@ -17,7 +17,7 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ
-from groundlink.messages.base import Command, M, Message, decode, measured_nanos
+from groundlink.messages.base import BusMessage, Command, M, decode, measured_nanos
 from groundlink.run.journal import loaded
 
 from .rig import Observer, Rig, rig, wait_for
@@ -39,7 +39,7 @@ Bodies = dict[int, bytes]
 """Of a stream, by the instant of measurement."""
 
 
-class Stream(BusInbox[Message]):
+class Stream(BusInbox[BusMessage]):
     """Keeps all that comes of a sensor."""
 
     def __init__(self, bus: Bus, run: str, sensor: str, row: BusTopic) -> None:

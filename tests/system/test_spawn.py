@@ -18,7 +18,7 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.core.errors import UserError
 from groundlink.messages.base import PointCloud, encode
-from groundlink.messages.control import Pause, Step
+from groundlink.run.control import Pause, Step
 
 from .rig import Rig, rig, wait_for
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from groundlink.loader import load
-from groundlink.world.bodies import body_names
-from groundlink.world.build import solids
+from groundlink.scene.bodies import body_names
+from groundlink.scene.build import solids
 
 from .rig import Observer, rig, wait_for
 

@@ -25,7 +25,7 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import RELAYED, SENSOR_TOPICS
 from groundlink.core.clock import TICK_NANOS
-from groundlink.messages.base import Command, Health, Imu, Message, PointCloud, State
+from groundlink.messages.base import BusMessage, Command, Health, Imu, PointCloud, State
 from groundlink.messages.relayed import Relayed
 from services.view.rerun_destinations import program
 from tests.services.view.foxglove_client import joined
@@ -48,7 +48,7 @@ class Running:
 
     rig: Rig
     bus: Bus
-    boxes: dict[str, BusInbox[Message]] = field(default_factory=dict)
+    boxes: dict[str, BusInbox[BusMessage]] = field(default_factory=dict)
     health: BusInbox[Health] = field(default_factory=lambda: BusInbox(depth=1000))
 
     def drain(self) -> dict[str, list[int]]:
@@ -98,7 +98,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
                 ("lidar", SENSOR_TOPICS["lidar"], PointCloud),
                 ("imu", SENSOR_TOPICS["imu"], Imu),
             ):
-                box: BusInbox[Message] = BusInbox(depth=40_000 if name != "lidar" else 800)
+                box: BusInbox[BusMessage] = BusInbox(depth=40_000 if name != "lidar" else 800)
                 run.boxes[name] = box
                 bus.subscribe(row.key_in(it.run, sensor=name, **names), box_of, box)
             bus.subscribe(HEALTH.key_in(it.run), Health, run.health)

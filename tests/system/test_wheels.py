@@ -12,7 +12,7 @@ import pytest
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import SENSOR_TOPICS
-from groundlink.messages.base import Message, WheelEncoders, encode
+from groundlink.messages.base import BusMessage, WheelEncoders, encode
 from groundlink.messages.navigation import Odometry
 
 from .rig import Rig, rig, wait_for
@@ -62,9 +62,9 @@ def played(folder: Path, *, crash: bool) -> dict[str, dict[int, bytes]]:
         )
         wait_for(it.is_answered, 20, "physics listens")
         with Bus(connect=it.endpoint) as bus:
-            inboxes: dict[str, BusInbox[Message]] = {}
+            inboxes: dict[str, BusInbox[BusMessage]] = {}
             for name, (topic, message) in STREAMS.items():
-                inbox: BusInbox[Message] = BusInbox(depth=100_000)
+                inbox: BusInbox[BusMessage] = BusInbox(depth=100_000)
                 key = topic.key_in("wheels", vehicle="rover", sensor=name)
                 bus.subscribe(key, message, inbox)
                 inboxes[name] = inbox

@@ -18,7 +18,7 @@ from groundlink.bus.core_topics import ACK, CLOCK, COMMAND, GATEWAY, ROOT, Deliv
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import SENSOR_TOPICS
-from groundlink.messages.base import Ack, Clock, Command, Message
+from groundlink.messages.base import Ack, BusMessage, Clock, Command
 from groundlink.messages.imagery import LaserScan
 from groundlink.messages.navigation import Odometry
 from groundlink.process import runner as process
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         vehicle = scenario.vehicles[0].name
         acknowledge = bus.publisher(ACK.key_in(run, process=GATEWAY), Delivery.ALL)
         command = bus.publisher(COMMAND.key_in(run, vehicle=vehicle), COMMAND.delivery)
-        types: dict[str, type[Message]] = {
+        types: dict[str, type[BusMessage]] = {
             CLOCK.key_in(run): Clock,
             SENSOR_TOPICS["lidar_2d"].key_in(run, vehicle=vehicle, sensor="scanner"): LaserScan,
             SENSOR_TOPICS["wheel_odometry"].key_in(
@@ -51,10 +51,10 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         }
         acks = ACK.key_in(run, process="")
 
-        def type_of(key: str) -> type[Message] | None:
+        def type_of(key: str) -> type[BusMessage] | None:
             return Ack if key.startswith(acks) else types.get(key)
 
-        inbox: BusInbox[Message] = BusInbox(depth=4096)
+        inbox: BusInbox[BusMessage] = BusInbox(depth=4096)
         bus.subscribe_in_order(f"{ROOT}/{run}/**", type_of, inbox)
         heartbeat = Heartbeat(bus, run, GATEWAY)
         ticks = dict.fromkeys(scenario.sensor_names(), -1)

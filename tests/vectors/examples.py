@@ -18,7 +18,7 @@ import numpy as np
 
 from groundlink.core.clock import NANOS
 from groundlink.messages import imagery, navigation
-from groundlink.messages.base import Message, packed
+from groundlink.messages.base import BusMessage, packed
 from groundlink.ros.cdr import ROS_CODECS, to_cdr
 from groundlink.ros.types import STORE, header, pose, vector
 from udp_bridge import Message as WireMessage
@@ -41,7 +41,7 @@ class Example(NamedTuple):
     type_name: str
     topic: str
     seq_number: int
-    message: Message
+    message: BusMessage
 
 
 EXAMPLES = {
@@ -140,7 +140,7 @@ def plain(value: Any) -> Any:
     return str(value) if isinstance(value, float) and abs(value) == float("inf") else value
 
 
-def fields(body: bytes, message_type: type[Message]) -> Any:
+def fields(body: bytes, message_type: type[BusMessage]) -> Any:
     """Return what rosbags reads in a body."""
     return plain(STORE.deserialize_cdr(body, ROS_CODECS[message_type].ros_type))
 

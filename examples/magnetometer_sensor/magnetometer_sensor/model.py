@@ -8,7 +8,7 @@ import numpy as np
 from groundlink.core.clock import Schedule
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, matrix_from_quaternion, multiply
-from groundlink.messages.base import BadMessage, State
+from groundlink.messages.base import BadBusMessage, State
 from groundlink.scenario.schema import Scenario, Vehicle
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.runtime.next_event import NextEvent
@@ -54,7 +54,7 @@ class MagnetometerModel:
         """Return the measurement that is due by the next tick's state, if there is one."""
         if self._vehicle not in state.vehicles:
             self.restart()
-            raise BadMessage(f"no vehicle `{self._vehicle}` in this state")
+            raise BadBusMessage(f"no vehicle `{self._vehicle}` in this state")
         event = self._due.by(state.tick)
         if event is None:
             return []

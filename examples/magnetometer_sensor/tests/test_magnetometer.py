@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.loader import load
-from groundlink.messages.base import BadMessage, State, VehicleState, packed
+from groundlink.messages.base import BadBusMessage, State, VehicleState, packed
 from groundlink.ros.cdr import from_cdr, to_cdr
 from groundlink.ros.codec import Moment
 from groundlink.scenario.schema import Scenario
@@ -67,7 +67,7 @@ def test_readings_come_at_the_rate_and_again_with_the_same_bytes() -> None:
 
 
 def test_a_state_without_the_vehicle_is_refused() -> None:
-    with pytest.raises(BadMessage, match="rover"):
+    with pytest.raises(BadBusMessage, match="rover"):
         model().readings(replace(state(0), vehicles={}))
 
 

@@ -22,7 +22,7 @@ from groundlink.ros.streams import answers_mistake
 from groundlink.run import routes
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import RotatingLidar, SensorSpec
-from groundlink.world.build import solids, world_hash
+from groundlink.scene.build import solids, world_hash
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

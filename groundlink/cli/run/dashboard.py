@@ -13,10 +13,10 @@ from rich.text import Text
 
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.messages import missing_readings as gaps
-from groundlink.messages.base import StreamReport
-from groundlink.messages.faults import kinds_in
-from groundlink.monitor.run_monitor import NOT_REPORTED, RunMonitor, keeps_rate
+from groundlink.messages.base import NOT_REPORTED, StreamReport
+from groundlink.monitor.run_monitor import RunMonitor, keeps_rate
 from groundlink.monitor.supervisor import Child
+from groundlink.run.fault_messages import kinds_in
 
 
 def dashboard(title: str, monitor: RunMonitor, children: Iterable[Child]) -> RenderableType:

@@ -18,9 +18,9 @@ from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError, did_you_mean
-from groundlink.messages.faults import CLEAR, FaultAnswer
 from groundlink.process import runner as process
 from groundlink.process.joining import join
+from groundlink.run.fault_messages import CLEAR, FaultAnswer
 from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.faults import KINDS, Fault, FaultSpec
 

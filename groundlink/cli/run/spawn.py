@@ -15,12 +15,12 @@ from groundlink.bus.session import Bus
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
 from groundlink.loader.additions import KINDS, SpawnPlace, addition, check_addition
-from groundlink.messages.control import ControlAnswer, Remove, Spawn
 from groundlink.process import runner as process
 from groundlink.process.joining import join, join_world
-from groundlink.world.bodies import link_bodies
-from groundlink.world.build import solids
-from groundlink.world.spawn_checks import ground_of
+from groundlink.run.control import ControlAnswer, Remove, Spawn
+from groundlink.scene.bodies import link_bodies
+from groundlink.scene.build import solids
+from groundlink.scene.spawn_checks import ground_of
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -19,7 +19,8 @@ from groundlink.cli.terminal import output as terminal
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.loader import load, time_options
-from groundlink.monitor.run_monitor import NOT_REPORTED, RunMonitor
+from groundlink.messages.base import NOT_REPORTED
+from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.monitor.supervisor import Child
 from groundlink.run import journal
 from groundlink.scenario import Scenario

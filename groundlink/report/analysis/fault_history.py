@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from groundlink.messages.faults import Faults
+from groundlink.run.fault_messages import Faults
 from groundlink.scenario.faults import Fault
 
 

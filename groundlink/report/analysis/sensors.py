@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from groundlink.core.frames import transform
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.schema import Datum
-from groundlink.scenario.sensors import Gnss, Imu, Lidar, Lidar2d, WheelOdometry
+from groundlink.scenario.sensors import Gnss, InertialUnit, Lidar, Lidar2d, WheelOdometry
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class ImuSamples:
     """Time (s of the run), angular velocity (rad/s), specific force (m/s2), in the sensor."""
 
     def add(self, seconds: float, imu: Any) -> None:
-        """Take a sensor_msgs/Imu."""
+        """Take a sensor_msgs/InertialUnit."""
         turn, force = imu.angular_velocity, imu.linear_acceleration
         self.rows.append((seconds, turn.x, turn.y, turn.z, force.x, force.y, force.z))
 
@@ -143,7 +143,7 @@ Readings = ImuSamples | EstimatedTrajectory | CloudSample
 
 def readings_of(sensor: SensorSpec, datum: Datum | None, middle_s: float) -> Readings | None:
     """Return the collector of a sensor's readings; None for kinds without a plot."""
-    if isinstance(sensor, Imu):
+    if isinstance(sensor, InertialUnit):
         return ImuSamples(sensor.topic)
     if isinstance(sensor, WheelOdometry):
         return EstimatedTrajectory(sensor.topic)

@@ -21,7 +21,7 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.core.backoff import Backoff
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
-from groundlink.messages.base import Ack, Clock, Command, Message, Reading, State, measured_nanos
+from groundlink.messages.base import Ack, BusMessage, Clock, Command, Reading, State, measured_nanos
 from groundlink.ros.streams import answers_mistake
 from groundlink.scenario import Scenario
 from services.gateway.bus_session import RunStatus
@@ -212,7 +212,7 @@ class Lockstep:
         """The newest tick of the clock."""
         return self._clock.tick
 
-    def listen(self, inbox: BusInbox[Message]) -> tuple[str, Message] | None:
+    def listen(self, inbox: BusInbox[BusMessage]) -> tuple[str, BusMessage] | None:
         """Return the next message of the bus; wait for it, or for the ROS node."""
         if self.state in AWAITING_REPLY:
             self._replies.wait(REPEAT_SECONDS)
@@ -223,7 +223,7 @@ class Lockstep:
             self._catch_up(*self._status)
         return arrived
 
-    def hear(self, key: str, message: Message) -> None:
+    def hear(self, key: str, message: BusMessage) -> None:
         """Handle a message of the bus."""
         self._is_news = True
         match message:
@@ -281,12 +281,12 @@ class Lockstep:
         known.due, self._wait.since = clock, None
         self._handle(LockstepEvent.CLOCK)
 
-    def _forward(self, key: str, message: Message) -> None:
+    def _forward(self, key: str, message: BusMessage) -> None:
         if key in self._gateway.streams:
             self._forwarded += self._gateway.forward(key, message, self._link)
             self._link.flush(FLUSH_SECONDS)
 
-    def _is_current(self, message: Message) -> bool:
+    def _is_current(self, message: BusMessage) -> bool:
         """Return whether a reading is of this episode: neither before its start nor after now."""
         now = self._gateway.clock_nanos
         if not isinstance(message, Reading) or now is None:

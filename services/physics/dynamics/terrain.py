@@ -22,9 +22,9 @@ from groundlink.core.errors import UserError
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats
 from groundlink.scenario.vehicle import VehicleModel
+from groundlink.scene.spawn_pose import collision_solids
 from groundlink.world.bounds import bounds
 from groundlink.world.solids import Material, Solid, Sphere
-from groundlink.world.spawn_pose import collision_solids
 from groundlink.world.terrain import Ground
 
 from .backend import Backend

@@ -15,7 +15,7 @@ from typing import Protocol, TypeVar
 import msgspec
 
 from groundlink.core.errors import UserError
-from groundlink.messages.control import (
+from groundlink.run.control import (
     AnyRunCommand,
     ControlAnswer,
     Pause,

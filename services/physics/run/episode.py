@@ -16,9 +16,9 @@ from groundlink.bus.topics import driver_names, process_names
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS, Schedule
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Ack, Clock, Command, State, WheelCommand, decode, encode
-from groundlink.messages.control import Remove, Spawn
 from groundlink.messages.navigation import JointState
 from groundlink.messages.vitals import VITALS_HZ
+from groundlink.run.control import Remove, Spawn
 from groundlink.run.journal import (
     AnyEntry,
     Commanded,
@@ -31,9 +31,9 @@ from groundlink.run.journal import (
     this_platform,
 )
 from groundlink.scenario import Scenario
-from groundlink.scenario.change import with_more, without
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
-from groundlink.world.build import solids, world_hash
+from groundlink.scene.build import solids, world_hash
+from groundlink.scene.change import with_more, without
 from services.physics.simulation.simulation import Simulation
 
 from .ground_truth import BodyTruth, VehicleTruth

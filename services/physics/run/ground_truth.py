@@ -18,7 +18,7 @@ from groundlink.messages.base import State, VehicleState, floats, packed
 from groundlink.messages.ground_truth import WORLD_FRAME, Bodies
 from groundlink.messages.navigation import COVARIANCE_6X6_BYTES, JointState, Odometry
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.world.bodies import body_names
+from groundlink.scene.bodies import body_names
 from groundlink.world.solids import Solid
 
 _ACTORS = "/actors"

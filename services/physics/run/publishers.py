@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from groundlink.bus.core_topics import CLOCK, STATE
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import BODIES, GROUND_TRUTH, JOINTS, TRUE_WHEELS, VITALS
-from groundlink.messages.base import Message, encode
+from groundlink.messages.base import BusMessage, encode
 from groundlink.scenario import Scenario
 
-Publish = Callable[[Message], bytes]
+Publish = Callable[[BusMessage], bytes]
 
 
 @dataclass
@@ -57,7 +57,7 @@ class BusPublishers(Publishers):
 def silent_publishers() -> Publishers:
     """Return publishers that publish nothing; states are still encoded, for the history."""
 
-    def none(message: Message) -> bytes:
+    def none(message: BusMessage) -> bytes:
         return b""
 
     each: defaultdict[str, Publish] = defaultdict(lambda: none)

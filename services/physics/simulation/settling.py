@@ -3,7 +3,7 @@
 
 Computed in a backend of its own with the terrain alone, so that nothing in the run moves. On flat
 ground springs start at their loaded rest, and nothing is computed. A vehicle that slides, as on
-ice, or starts above the ground, starts where `groundlink.world.spawn_pose` puts it.
+ice, or starts above the ground, starts where `groundlink.scene.spawn_pose` puts it.
 
 Kinetic damping: all motion is taken away whenever it begins to slow down. Otherwise springs would
 swing beyond their rest, and a tall vehicle would tip over.

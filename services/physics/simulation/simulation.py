@@ -18,10 +18,10 @@ from groundlink.messages.navigation import JointState
 from groundlink.messages.vitals import Vitals
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.vehicle import VehicleModel
+from groundlink.scene.spawn_checks import actor_bodies, vehicle_bodies
 from groundlink.world import terrain
 from groundlink.world.actors import Actor
 from groundlink.world.solids import Material, Solid, Sphere
-from groundlink.world.spawn_checks import actor_bodies, vehicle_bodies
 from services.physics.dynamics.backend import Backend
 from services.physics.dynamics.bullet import BulletBackend
 from services.physics.dynamics.statics import StaticBody, add_statics

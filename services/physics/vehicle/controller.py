@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from groundlink.core.clock import NANOS, TICK_SECONDS
 from groundlink.messages.base import Command, WheelCommand
-from groundlink.scenario.drives import Ackermann
+from groundlink.scenario.running_gear import Ackermann
 from groundlink.scenario.vehicle import VehicleModel
 
 from .steering import STANDSTILL, Speeds, Twist, steering

@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import sqrt
 
 from groundlink.core.clock import TICK_SECONDS
-from groundlink.scenario.drives import Battery, DriveSpec
+from groundlink.scenario.running_gear import Battery, DriveSpec
 
 
 class Motors:

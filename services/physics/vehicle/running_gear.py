@@ -15,7 +15,8 @@ from typing import NamedTuple
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.fields import Vector3
 from groundlink.messages.vitals import BatteryState
-from groundlink.scenario.vehicle import VehicleModel, Wheel
+from groundlink.scenario.running_gear import Wheel
+from groundlink.scenario.vehicle import VehicleModel
 
 from .controller import WheelTargets
 from .motor import BatteryCharge, Motors, UnlimitedSupply

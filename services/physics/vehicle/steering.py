@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import atan, copysign, hypot, tan
 
-from groundlink.scenario.drives import Ackermann, SideSteered
+from groundlink.scenario.running_gear import Ackermann, SideSteered
 from groundlink.scenario.vehicle import VehicleModel
 
 Speeds = tuple[float, ...]

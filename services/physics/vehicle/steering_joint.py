@@ -10,8 +10,8 @@ from __future__ import annotations
 from math import radians
 
 from groundlink.core.clock import TICK_SECONDS
-from groundlink.scenario.drives import Ackermann
-from groundlink.scenario.vehicle import VehicleModel, Wheel
+from groundlink.scenario.running_gear import Ackermann, Wheel
+from groundlink.scenario.vehicle import VehicleModel
 
 
 class SteeringJoint:

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import matrix_from_quaternion, rpy_from_matrix
-from groundlink.scenario.vehicle import Chassis, VehicleModel, Wheel
+from groundlink.scenario.running_gear import Wheel
+from groundlink.scenario.vehicle import Chassis, VehicleModel
 from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid, Sphere
 
 MAX_SPRING_FORCE_N = 1e7

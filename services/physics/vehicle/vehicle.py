@@ -20,9 +20,9 @@ from groundlink.core.quaternions import multiply
 from groundlink.messages.base import VehicleState
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.vehicle import VehicleModel
+from groundlink.scene.spawn_pose import spawn_pose
 from groundlink.world.mesh_asset import load_mesh
 from groundlink.world.solids import Mesh
-from groundlink.world.spawn_pose import spawn_pose
 from groundlink.world.terrain import Ground
 from services.physics.dynamics.backend import CHASSIS, GRAVITY_MPS2, WHEEL, Backend, Surface
 from services.physics.dynamics.energy_and_contacts import EnergyAndContacts

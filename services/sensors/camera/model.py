@@ -7,7 +7,7 @@ CameraInfo has its stamp, the beginning of the first row's exposure, and tells h
 
 from __future__ import annotations
 
-from groundlink.messages.base import Message
+from groundlink.messages.base import BusMessage
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Camera
 from services.sensors.rendering.cameras.camera_eye import CameraEye
@@ -34,12 +34,12 @@ class CameraModel(PictureModel):
         self._frame = vehicle.frame_prefix + spec.frame
         self._outputs = spec.ros_topics().keys()
 
-    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | StreamMessage]:
+    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[BusMessage | StreamMessage]:
         """Return the messages of the picture that begins at an instant."""
         spec, header = self._spec, (stamp_nanos, self._frame)
         pixels = self._eye.read(nanos, tick)
         told = camera_info(*header, self._eye.pinhole, spec.lens)
-        made: list[Message | StreamMessage] = [StreamMessage("camera_info", told)]
+        made: list[BusMessage | StreamMessage] = [StreamMessage("camera_info", told)]
         if "image" in self._outputs:
             encoded = ENCODINGS[spec.encoding](pixels)
             made.append(StreamMessage("image", image(*header, spec.encoding, encoded)))

@@ -20,8 +20,8 @@ from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import DepthCamera
 from services.sensors.rays.replica import Replica
 from services.sensors.rendering.gl.context import RenderingUnavailableError, open_context
+from services.sensors.rendering.gl.pinhole import NEAR_M, Pinhole
 from services.sensors.rendering.optics.distortion import lens_pinhole, slopes
-from services.sensors.rendering.optics.pinhole import NEAR_M, Pinhole
 
 if TYPE_CHECKING:
     from services.sensors.rendering.gl.target import Layer

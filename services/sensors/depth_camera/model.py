@@ -9,7 +9,7 @@ Only what somebody subscribed to in the scenario is made.
 
 from __future__ import annotations
 
-from groundlink.messages.base import Message
+from groundlink.messages.base import BusMessage
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import DepthCamera
 from services.sensors.noise.random_streams import RandomStreams
@@ -52,14 +52,14 @@ class DepthCameraModel(PictureModel):
         self._outputs = spec.ros_topics().keys()
         self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
 
-    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | StreamMessage]:
+    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[BusMessage | StreamMessage]:
         """Return the messages of the picture of an instant."""
         spec, outputs, header = self._spec, self._outputs, (stamp_nanos, self._frame)
         truth_m, colour = self._eye.look(nanos, tick)
         pinhole = self._eye.pinhole
         depth_m = measured(truth_m, pinhole.fx, spec, self._streams.at("disparity", tick))
         info = camera_info(*header, pinhole, spec.lens)
-        made: list[Message | StreamMessage] = [StreamMessage("camera_info", info)]
+        made: list[BusMessage | StreamMessage] = [StreamMessage("camera_info", info)]
         if "" in outputs:
             made.append(image(*header, spec.encoding, pixels(depth_m, spec.encoding)))
         if "compressed" in outputs:

@@ -49,7 +49,7 @@ class EncodersModel:
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             when the state lacks a wheel of the vehicle.
         """
         self._counters.advance(state)

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, cast
 import msgspec
 
 from groundlink.core.clock import TICK_NANOS
-from groundlink.messages.base import Message, Reading, State, decode, encode, measured_nanos
+from groundlink.messages.base import BusMessage, Reading, State, decode, encode, measured_nanos
 from groundlink.scenario.faults import Delay, Fault
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.runtime.model import (
@@ -81,7 +81,7 @@ class FaultWrapper:
         inner: SensorModel,
         *,
         faults: tuple[Fault, ...],
-        messages: Mapping[str, type[Message]],
+        messages: Mapping[str, type[BusMessage]],
         streams: RandomStreams,
     ) -> None:
         self._hold(inner)

@@ -16,8 +16,8 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_RATE_HZ
 from groundlink.messages.base import Ack, State
-from groundlink.messages.faults import CLEAR, FaultAnswer, Faults
 from groundlink.process.state_follower import StateConsumer
+from groundlink.run.fault_messages import CLEAR, FaultAnswer, Faults
 from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.faults import Fault
 from groundlink.scenario.schema import Vehicle

@@ -15,7 +15,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from groundlink.core.frames import Floats
-from groundlink.messages.base import Message, Reading
+from groundlink.messages.base import BusMessage, Reading
 from groundlink.scenario.sensor_kinds import load_reference, sensor_kinds
 
 Offsets = Callable[[int, int], Floats]
@@ -26,7 +26,7 @@ Change = Callable[[Any, Offsets], Any]
 
 
 @cache
-def changes_of(message: type[Message]) -> dict[str, Change]:
+def changes_of(message: type[BusMessage]) -> dict[str, Change]:
     """Return how to add to each quantity of a message, the first being the default one."""
     changes: dict[str, Change] = {}
     for kind in sensor_kinds().values():
@@ -40,7 +40,7 @@ def changes_of(message: type[Message]) -> dict[str, Change]:
 
 
 @cache
-def cover_of(message: type[Message]) -> Callable[[Any, float, float], Any]:
+def cover_of(message: type[BusMessage]) -> Callable[[Any, float, float], Any]:
     """Return the function that removes a sector, begin and width in radians, from a message."""
     covers = (k.cover for k in sensor_kinds().values() if k.cover and k.streams[""] is message)
     cover: Callable[[Any, float, float], Any] = load_reference(next(covers))

@@ -27,7 +27,7 @@ from groundlink.core.clock import NANOS, TICK_NANOS, Schedule, exact
 from groundlink.core.errors import UserError
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, matrix_from_quaternion
-from groundlink.messages.base import BadMessage, State, floats, packed
+from groundlink.messages.base import BadBusMessage, State, floats, packed
 from groundlink.messages.navigation import NavSatFix
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Gnss
@@ -132,13 +132,13 @@ class GnssModel:
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             when the state lacks the vehicle, or with `sky_view` any; the model is then restarted.
         """
         try:
             pose, velocity = self._base(state)
             self._reception.take(state)
-        except BadMessage:
+        except BadBusMessage:
             self.restart()
             raise
         last, self._pose = self._pose, pose
@@ -175,10 +175,10 @@ class GnssModel:
         vehicle = state.vehicles.get(self._vehicle)
         if vehicle is None or not len(vehicle.link_poses):
             name = self._vehicle
-            raise BadMessage(f"state of tick {state.tick}: no link poses of `{name}`")
+            raise BadBusMessage(f"state of tick {state.tick}: no link poses of `{name}`")
         velocity = floats(vehicle.base_velocity)
         if len(velocity) != 6:
-            raise BadMessage(f"state of tick {state.tick}: no velocity of `{self._vehicle}`")
+            raise BadBusMessage(f"state of tick {state.tick}: no velocity of `{self._vehicle}`")
         return vehicle.poses()[0], velocity
 
     def _measure(self, state: State, event: Event, last: Floats, velocity: Floats) -> _Measured:

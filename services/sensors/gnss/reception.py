@@ -58,7 +58,7 @@ class Reception:
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             when a vehicle or a link is missing that could hide a satellite.
         """
         if self._probe is not None:

@@ -6,7 +6,7 @@ from groundlink.scenario import sensors as specs
 from groundlink.scenario.sensor_kinds import SensorKind
 
 KIND = SensorKind(
-    spec=specs.Imu,
+    spec=specs.InertialUnit,
     streams={"": Imu},
     model="services.sensors.imu.model:ImuModel",
 )

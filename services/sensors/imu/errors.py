@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from groundlink.core.clock import TICK_RATE_HZ, Schedule
 from groundlink.core.fields import Vector3
 from groundlink.scenario.inertial import InertialNoise
-from groundlink.scenario.sensors import Imu
+from groundlink.scenario.sensors import InertialUnit
 from services.sensors.noise.normal import NORMALS
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.noise.walks import BLOCK_TICKS, ErrorProcesses
@@ -34,7 +34,7 @@ PEAK_OF_GAUSS_MARKOV = 0.61736
 class ImuErrors:
     """The errors of one IMU: of its axes for each tick, of its orientation for each sample."""
 
-    def __init__(self, spec: Imu, streams: RandomStreams) -> None:
+    def __init__(self, spec: InertialUnit, streams: RandomStreams) -> None:
         self._streams = streams
         self._normals = NORMALS[spec.noise_source]
         self._schedule = Schedule.at(spec.rate_hz)

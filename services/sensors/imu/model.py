@@ -90,7 +90,7 @@ class ImuModel:
     the estimator, as with a real device.
     """
 
-    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: sensors.Imu) -> None:
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: sensors.InertialUnit) -> None:
         self._vehicle = vehicle.name
         self._frame = vehicle.frame_prefix + spec.frame
         self._mount = spec.mount
@@ -125,13 +125,13 @@ class ImuModel:
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             when the state lacks the vehicle's base.
         """
         vehicle = state.vehicles.get(self._vehicle)
         if vehicle is None or not len(vehicle.link_poses):
             name = self._vehicle
-            raise messages.BadMessage(f"state of tick {state.tick}: no link poses of `{name}`")
+            raise messages.BadBusMessage(f"state of tick {state.tick}: no link poses of `{name}`")
         window = self._window
         if window is None:
             # Motion is known from the tick after next on, so that without a low pass the window may

@@ -58,7 +58,7 @@ class LidarModel:
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             when the state lacks a vehicle or a link of the scenario; the model is then restarted.
         """
         found: list[Made] = []

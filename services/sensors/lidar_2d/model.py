@@ -57,7 +57,7 @@ class Lidar2dModel:
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             when the state lacks a vehicle or a link of the scenario; the model is then restarted.
         """
         return [

@@ -21,7 +21,7 @@ import numpy as np
 
 from groundlink.core.clock import Schedule
 from groundlink.core.frames import Floats
-from groundlink.messages.base import BadMessage, State
+from groundlink.messages.base import BadBusMessage, State
 from groundlink.messages.imagery import Range
 from groundlink.scenario.schema import Scenario, Vehicle
 from services.sensors.noise.normal import PolarNormal
@@ -84,12 +84,12 @@ class RangeModel:
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             when the state lacks a vehicle or a link of the scenario; the model is then restarted.
         """
         try:
             self._probe.take(state)
-        except BadMessage:
+        except BadBusMessage:
             self.restart()
             raise
         event = self._due.by(state.tick)

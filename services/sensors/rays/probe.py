@@ -53,7 +53,7 @@ class RayProbe:
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             when a vehicle or a link is missing.
         """
         self.replica.take(state)

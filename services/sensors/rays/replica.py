@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from groundlink.core.fields import Vector3
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.world.bodies import NO_BODY
+from groundlink.scene.bodies import NO_BODY
 from groundlink.world.terrain import load_ground
 from groundlink.world.triangles import joined, merged, of_ground
 from services.sensors.runtime.world_replica import WorldReplica
@@ -61,7 +61,7 @@ class Replica(WorldReplica):
         self.scene = Scene(still, bodies, terrain=relief)
 
     def body_numbers(self, label: Numbers, body: Numbers) -> NDArray[np.uint32]:
-        """Return the bodies of hits, numbered as in `groundlink.world.bodies`; `NO_BODY` for none.
+        """Return the bodies of hits, numbered as in `groundlink.scene.bodies`; `NO_BODY` for none.
 
         Parameters
         ----------

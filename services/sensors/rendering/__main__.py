@@ -21,7 +21,7 @@ from groundlink.process import runner as process
 from groundlink.process.joining import join_world
 from groundlink.process.state_follower import StateFollower, follow_states
 from groundlink.scenario.sensors import Optics
-from groundlink.world.build import world_hash
+from groundlink.scene.build import world_hash
 from services.sensors.runtime.runner import SensorProcess
 
 PROCESS = "sensors.rendering"

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from groundlink.messages.base import Message, State
+from groundlink.messages.base import BusMessage, State
 from groundlink.messages.missing_readings import Cause
 
 
@@ -20,7 +20,7 @@ class StreamMessage(NamedTuple):
     output: str
     """Name of its stream, as in `SensorSpec.ros_topics`."""
 
-    message: Message
+    message: BusMessage
 
 
 class LeftOut(NamedTuple):
@@ -34,11 +34,11 @@ class LeftOut(NamedTuple):
     """The stream that lacks it; None for all streams of the sensor."""
 
 
-Made = Message | StreamMessage | LeftOut
+Made = BusMessage | StreamMessage | LeftOut
 """What a sensor makes of a state."""
 
 
-def stream_and_message(made: Message | StreamMessage) -> tuple[str, Message]:
+def stream_and_message(made: BusMessage | StreamMessage) -> tuple[str, BusMessage]:
     """Return what a sensor made as the name of its stream, empty for the main one, and message."""
     return made if isinstance(made, StreamMessage) else ("", made)
 
@@ -80,7 +80,7 @@ class RemovedSensor:
     def restart(self) -> None:
         """Do nothing."""
 
-    def readings(self, state: State) -> Iterable[Message | StreamMessage]:
+    def readings(self, state: State) -> Iterable[BusMessage | StreamMessage]:
         """Yield nothing."""
         self._tick = state.tick
         return ()

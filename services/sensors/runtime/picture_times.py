@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from groundlink.core.clock import TICK_NANOS, Schedule
-from groundlink.messages.base import BadMessage, Message, State
+from groundlink.messages.base import BadBusMessage, BusMessage, State
 from groundlink.scenario.sensors import Optics
 
 from .model import LeftOut, Made, StreamMessage
@@ -66,12 +66,12 @@ class PictureModel(ABC):
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             when the state lacks a vehicle or a link of the scenario; the model is then restarted.
         """
         try:
             self._watcher.take(state)
-        except BadMessage:
+        except BadBusMessage:
             self.restart()
             raise
         self._taken += 1
@@ -86,5 +86,5 @@ class PictureModel(ABC):
         return self.taken(event.nanos, event.tick, state.epoch_nanos + event.nanos)
 
     @abstractmethod
-    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | StreamMessage]:
+    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[BusMessage | StreamMessage]:
         """Return the messages of the picture of an instant, the first of which is at `tick`."""

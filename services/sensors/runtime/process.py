@@ -17,16 +17,16 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import FAULTS, GAPS, sensor_outputs
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.core.extras import needs
-from groundlink.messages.base import Message
-from groundlink.messages.faults import counted
+from groundlink.messages.base import BusMessage
 from groundlink.messages.missing_readings import counters_of
 from groundlink.process import runner as process
 from groundlink.process.joining import changed_world, join_world
 from groundlink.process.name_claim import claim_name
 from groundlink.process.state_follower import StateFollower, follow_states
+from groundlink.run.fault_messages import counted
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensor_kinds import SensorKind, kind_of, load_reference
-from groundlink.world.build import world_hash
+from groundlink.scene.build import world_hash
 from services.sensors.faults.fault_wrapper import FaultWrapper
 from services.sensors.faults.live import LiveFaults
 from services.sensors.noise.random_streams import RandomStreams
@@ -122,7 +122,7 @@ def follower(
         for output in sensor_outputs(spec)
     }
 
-    def send(reading: Message | StreamMessage) -> None:
+    def send(reading: BusMessage | StreamMessage) -> None:
         output, message = stream_and_message(reading)
         publish[output](message)
         if not output:

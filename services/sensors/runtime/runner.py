@@ -14,7 +14,7 @@ import msgspec
 
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
-from groundlink.messages.base import Ack, BadMessage, Message, State, measured_nanos
+from groundlink.messages.base import Ack, BadBusMessage, BusMessage, State, measured_nanos
 from groundlink.messages.missing_readings import Cause
 
 from .model import (
@@ -65,7 +65,7 @@ class SensorProcess:
         expected_world_hash: str,
         renew: Callable[[str], object] = _never,
         ack_ticks: int,
-        publish: Callable[[Message | StreamMessage], object],
+        publish: Callable[[BusMessage | StreamMessage], object],
         acknowledge: Callable[[Ack], object],
         ledger: ReadingLedger | NoReadingLedger | None = None,
         reconnects: Callable[[], int] = lambda: 0,
@@ -161,7 +161,7 @@ class SensorProcess:
         settled_before = self._model.settled_tick()
         try:
             made = list(self._model.readings(state))
-        except BadMessage:  # a state that is well formed and lacks what is measured
+        except BadBusMessage:  # a state that is well formed and lacks what is measured
             self.refused += 1
             self._ledger.because("states lost")
             return

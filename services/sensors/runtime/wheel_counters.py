@@ -25,7 +25,7 @@ import math
 import msgspec
 
 from groundlink.core.clock import NANOS, TICK_NANOS, exact
-from groundlink.messages.base import BadMessage, State, floats
+from groundlink.messages.base import BadBusMessage, State, floats
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Encoders
 from services.sensors.noise.random_streams import RandomStreams
@@ -105,13 +105,13 @@ class WheelCounters:
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             when it lacks a wheel of the vehicle.
         """
         vehicle = state.vehicles.get(self._vehicle)
         angles = [] if vehicle is None else floats(vehicle.joint_positions).tolist()
         if len(angles) != self._joints:
-            raise BadMessage(
+            raise BadBusMessage(
                 f"state of tick {state.tick}: {len(angles)} joint positions of `{self._vehicle}`, "
                 f"expected {self._joints}"
             )

@@ -13,12 +13,12 @@ import numpy as np
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, matrix_from_quaternion, nlerp
-from groundlink.messages.base import BadMessage, State
+from groundlink.messages.base import BadBusMessage, State
 from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scene.build import solids
+from groundlink.scene.vehicle_links import link_solids as links_of
 from groundlink.world.actors import form_solids
-from groundlink.world.build import solids
 from groundlink.world.solids import Box, Cylinder, Mesh, Solid, Sphere
-from groundlink.world.vehicle_links import link_solids as links_of
 
 POSE_BYTES = 7 * 8
 """In a state: position and quaternion, float64."""
@@ -80,7 +80,7 @@ class WorldReplica:
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             when a vehicle, a link or an actor is missing.
         """
         vehicles = map(state.vehicles.get, self._bytes_of)
@@ -90,7 +90,7 @@ class WorldReplica:
             expected = {**self._bytes_of, "actors": self._bytes_of_actors}
             for row, (name, size) in zip(rows, expected.items(), strict=True):
                 if row.nbytes != size:
-                    raise BadMessage(
+                    raise BadBusMessage(
                         f"state of tick {state.tick}: expected {size // POSE_BYTES} link poses "
                         f"of `{name}`"
                     )

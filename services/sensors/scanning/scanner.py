@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
-from groundlink.messages.base import BadMessage, State
+from groundlink.messages.base import BadBusMessage, State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import RotatingLidar
 from services.sensors.noise.random_streams import RandomStreams
@@ -103,12 +103,12 @@ class Scanner:
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             when the state lacks a vehicle or a link of the scenario; everything is then restarted.
         """
         try:
             self.replica.take(state)
-        except BadMessage:
+        except BadBusMessage:
             self.restart()
             raise
         self._tick = state.tick

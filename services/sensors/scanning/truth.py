@@ -34,7 +34,7 @@ class TrueReturns(NamedTuple):
     """Shape (3, returns, lasers, firings), meters."""
 
     body: NDArray[np.uint32]
-    """Shape (returns, lasers, firings): bodies, numbered as in `groundlink.world.bodies`."""
+    """Shape (returns, lasers, firings): bodies, numbered as in `groundlink.scene.bodies`."""
 
 
 class Cast(NamedTuple):

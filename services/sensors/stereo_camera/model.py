@@ -8,7 +8,7 @@ its own noise. All messages have the left eye's frame, as ROS has it for pairs, 
 
 from __future__ import annotations
 
-from groundlink.messages.base import Message
+from groundlink.messages.base import BusMessage
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import StereoCamera
 from services.sensors.rendering.cameras.camera_eye import CameraEye
@@ -43,10 +43,10 @@ class StereoCameraModel(PictureModel):
         self._frame = vehicle.frame_prefix + spec.frame
         self._outputs = spec.ros_topics().keys()
 
-    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | StreamMessage]:
+    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[BusMessage | StreamMessage]:
         """Return the messages of both pictures that begin at an instant."""
         spec, header = self._spec, (stamp_nanos, self._frame)
-        made: list[Message | StreamMessage] = []
+        made: list[BusMessage | StreamMessage] = []
         for eye, ((raw, compressed, info), baseline_m) in enumerate(
             ((LEFT, 0.0), (RIGHT, spec.baseline_m))
         ):

@@ -19,7 +19,13 @@ from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.core.errors import UserError
 from groundlink.messages import base as messages
 from groundlink.messages.navigation import Odometry
-from groundlink.scenario.drives import Ackermann, Differential, SideSteered, SkidSteer, Tracked
+from groundlink.scenario.running_gear import (
+    Ackermann,
+    Differential,
+    SideSteered,
+    SkidSteer,
+    Tracked,
+)
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Encoders, WheelOdometry
 from services.sensors.runtime.next_event import NextEvent
@@ -133,7 +139,7 @@ class WheelOdometryModel:
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             when the state lacks a wheel of the vehicle.
         """
         self._counters.advance(state)

@@ -19,14 +19,14 @@ from groundlink.bus.reference import reference
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import TOPICS
 from groundlink.cli.run.running import free_endpoint
-from groundlink.messages.base import Clock, Command, Message, encode
+from groundlink.messages.base import BusMessage, Clock, Command, encode
 from tests.groundlink.messages.test_base import EXAMPLES, NAMES
 
 DOCUMENT = (Path(__file__).parents[3] / "docs/bus.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("message", EXAMPLES, ids=NAMES)
-def test_another_library_reads_and_writes_every_message(message: Message) -> None:
+def test_another_library_reads_and_writes_every_message(message: BusMessage) -> None:
     payload = encode(message)
     plain = msgpack.unpackb(payload)
     assert isinstance(plain, dict)

@@ -15,9 +15,9 @@ from groundlink.loader.document import ScenarioError
 from groundlink.process.asset_exchange import needed
 from groundlink.report.analysis.plan import outlines
 from groundlink.scenario import Scenario
+from groundlink.scene.bodies import body_names
+from groundlink.scene.build import WorldError, solids, world_hash
 from groundlink.world import assets
-from groundlink.world.bodies import body_names
-from groundlink.world.build import WorldError, solids, world_hash
 from groundlink.world.solids import Mesh
 from groundlink.world.terrain import load_ground
 from tests.groundlink.importing.files import glb, npy, write

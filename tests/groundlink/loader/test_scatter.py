@@ -14,7 +14,7 @@ from groundlink.loader import load
 from groundlink.loader.document import ScenarioError
 from groundlink.loader.scatter import SPAWN_CLEARANCE_M
 from groundlink.scenario import Scenario
-from groundlink.world.build import solids, world_hash
+from groundlink.scene.build import solids, world_hash
 from groundlink.world.objects.outdoor_specs import Bush, House
 from groundlink.world.terrain import Ground, load_ground
 

@@ -12,7 +12,7 @@ from groundlink.loader import ScenarioError, load
 from groundlink.loader.document import read
 from groundlink.loader.scenario_files import SHIPPED, load_route
 from groundlink.scenario.route import Circle, FigureEight
-from groundlink.scenario.sensors import Imu, Lidar
+from groundlink.scenario.sensors import InertialUnit, Lidar
 
 GOOD = """\
 name: test
@@ -48,7 +48,7 @@ def test_references_are_followed_and_defaults_filled_in(tmp_path: Path) -> None:
     assert isinstance(lidar, Lidar)
     assert len(lidar.elevations_deg) == 16
     assert lidar.mount == scenario.vehicles[0].model.mounts["mast"]
-    assert isinstance(imu, Imu)
+    assert isinstance(imu, InertialUnit)
     assert imu.rate_hz == 100.0
     assert scenario.time.mode == "fast"
     assert scenario.gateway.datagram == "loopback"

@@ -13,17 +13,17 @@ from groundlink.messages import base as messages
 from groundlink.messages import ground_truth, imagery, navigation
 from groundlink.messages.base import (
     POINT,
-    BadMessage,
-    Message,
+    BadBusMessage,
+    BusMessage,
     all_messages,
     decode,
     encode,
     packed,
 )
-from groundlink.messages.faults import Faults
 from groundlink.messages.missing_readings import Gap, Gaps
 from groundlink.messages.relayed import Relayed
 from groundlink.messages.vitals import BatteryState, Contact, Vitals
+from groundlink.run.fault_messages import Faults
 from groundlink.scenario.faults import Bias, Stuck
 
 TRUE_POINTS = np.zeros(2, ground_truth.TRUE_POINT)
@@ -48,7 +48,7 @@ REPORT = messages.StreamReport(
 )
 CHARGE = BatteryState(0.75, 25.5, 12.0)
 COVARIANCE = packed(np.arange(36.0))
-EXAMPLES: list[Message] = [
+EXAMPLES: list[BusMessage] = [
     messages.State("run", 10**18, 10**18, 400, 10**9, "ab" * 32, {"rover": VEHICLE}),
     messages.State("run", 0, 0, 0, 0, "", {}, memoryview(bytes(2 * 7 * 8))),
     messages.Clock(2**62, 2**61, 3, 2**61),
@@ -105,11 +105,11 @@ NAMES = [type(example).__name__ for example in EXAMPLES]
 TYPES = sorted(all_messages(), key=lambda t: t.__name__)
 
 
-def read(payload: bytes, message_type: type[Message]) -> None:
-    """Decode and look at all of it: only `BadMessage` may come of it."""
+def read(payload: bytes, message_type: type[BusMessage]) -> None:
+    """Decode and look at all of it: only `BadBusMessage` may come of it."""
     try:
         message = decode(payload, message_type)
-    except BadMessage:
+    except BadBusMessage:
         return
     if isinstance(message, messages.State):
         for vehicle in message.vehicles.values():
@@ -129,7 +129,7 @@ def test_every_message_has_an_example() -> None:
 
 
 @pytest.mark.parametrize("message", EXAMPLES, ids=NAMES)
-def test_they_come_back_as_they_went(message: Message) -> None:
+def test_they_come_back_as_they_went(message: BusMessage) -> None:
     payload = encode(message)
     assert decode(payload, type(message)) == message
     assert decode(memoryview(bytearray(payload)), type(message)) == message
@@ -186,13 +186,13 @@ def test_any_array_can_be_packed(array: Any) -> None:
 def test_a_bin_of_a_wrong_length_is_refused_by_name(field: str, size: int, off: int) -> None:
     document = msgspec.msgpack.decode(encode(EXAMPLES[0]))
     document["vehicles"]["rover"][field] = bytes(size + off)
-    with pytest.raises(BadMessage, match=f"`{field}` has {size + off} bytes, .* of {size}"):
+    with pytest.raises(BadBusMessage, match=f"`{field}` has {size + off} bytes, .* of {size}"):
         decode(msgspec.msgpack.encode(document), messages.State)
 
 
 def test_a_cloud_with_half_a_point_is_refused() -> None:
     document = {"stamp_nanos": 1, "frame": "f", "points": bytes(33)}
-    with pytest.raises(BadMessage, match="`points` has 33 bytes, expected a multiple of 22"):
+    with pytest.raises(BadBusMessage, match="`points` has 33 bytes, expected a multiple of 22"):
         decode(msgspec.msgpack.encode(document), messages.PointCloud)
 
 
@@ -209,28 +209,28 @@ LENGTHS = [
 @pytest.mark.parametrize(("message_type", "field", "size"), LENGTHS)
 @pytest.mark.parametrize("off", [1, -1])
 def test_an_array_that_disagrees_with_its_message_is_refused(
-    message_type: type[Message], field: str, size: int, off: int
+    message_type: type[BusMessage], field: str, size: int, off: int
 ) -> None:
     example = next(e for e in EXAMPLES if type(e) is message_type)
     document = msgspec.msgpack.decode(encode(example))
     document[field] = bytes(size + off)
-    with pytest.raises(BadMessage, match=f"`{field}` has {size + off} bytes, expected"):
+    with pytest.raises(BadBusMessage, match=f"`{field}` has {size + off} bytes, expected"):
         decode(msgspec.msgpack.encode(document), message_type)
 
 
 def test_counters_beyond_64_bits_are_refused() -> None:
     document = {"stamp_nanos": 1, "frame": "f", "names": ["w"], "ticks": [2**63]}
-    with pytest.raises(BadMessage, match=r"not a WheelEncoders: .*ticks"):
+    with pytest.raises(BadBusMessage, match=r"not a WheelEncoders: .*ticks"):
         decode(msgspec.msgpack.encode(document), messages.WheelEncoders)
 
 
 @pytest.mark.parametrize("message", EXAMPLES, ids=NAMES)
-def test_every_cut_is_refused(message: Message) -> None:
+def test_every_cut_is_refused(message: BusMessage) -> None:
     payload = encode(message)
     for end in range(len(payload)):
-        with pytest.raises(BadMessage):
+        with pytest.raises(BadBusMessage):
             decode(payload[:end], type(message))
-    with pytest.raises(BadMessage):
+    with pytest.raises(BadBusMessage):
         decode(payload + b"\x00", type(message))
 
 
@@ -244,13 +244,13 @@ HAVE_DEFAULTS = {("Health", "streams"), ("Health", "host")} | {
 
 
 @pytest.mark.parametrize("message", EXAMPLES, ids=NAMES)
-def test_a_missing_field_is_refused(message: Message) -> None:
+def test_a_missing_field_is_refused(message: BusMessage) -> None:
     document = msgspec.msgpack.decode(encode(message))
     for field in message.__struct_encode_fields__:
         if (type(message).__name__, field) in HAVE_DEFAULTS or field == "clock_error_nanos":
             continue
         rest = {name: value for name, value in document.items() if name != field}
-        with pytest.raises(BadMessage, match=f"`{field}`"):
+        with pytest.raises(BadBusMessage, match=f"`{field}`"):
             decode(msgspec.msgpack.encode(rest), type(message))
 
 
@@ -271,13 +271,13 @@ def test_a_missing_field_is_refused(message: Message) -> None:
     ],
     ids=lambda p: p[:6].hex() or "nothing",
 )
-def test_spiteful_bytes_are_refused(message_type: type[Message], payload: bytes) -> None:
-    with pytest.raises(BadMessage):
+def test_spiteful_bytes_are_refused(message_type: type[BusMessage], payload: bytes) -> None:
+    with pytest.raises(BadBusMessage):
         decode(payload, message_type)
 
 
 @given(payload=st.binary(max_size=200), message_type=st.sampled_from(TYPES))
-def test_arbitrary_bytes_raise_nothing_else(payload: bytes, message_type: type[Message]) -> None:
+def test_arbitrary_bytes_raise_nothing_else(payload: bytes, message_type: type[BusMessage]) -> None:
     read(payload, message_type)
 
 
@@ -313,5 +313,7 @@ def test_garbled_messages_raise_nothing_else(data: st.DataObject, example: int) 
     ),
     message_type=st.sampled_from(TYPES),
 )
-def test_other_messagepack_raises_nothing_else(payload: Any, message_type: type[Message]) -> None:
+def test_other_messagepack_raises_nothing_else(
+    payload: Any, message_type: type[BusMessage]
+) -> None:
     read(msgspec.msgpack.encode(payload), message_type)

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from groundlink.messages.base import POINT, Imu, Message, PointCloud, WheelEncoders, packed
+from groundlink.messages.base import POINT, BusMessage, Imu, PointCloud, WheelEncoders, packed
 from groundlink.messages.ground_truth import TRUE_POINT, Bodies, TruePoints
 from groundlink.messages.imagery import CompressedImage, Image, LaserScan
 from groundlink.messages.navigation import JointState, Odometry
@@ -55,7 +55,7 @@ def of_points(where: Any, field: str, value: float) -> PointCloud:
     return replace(CLOUD, points=packed(copy))
 
 
-CASES: dict[str, tuple[Message, Message, str]] = {
+CASES: dict[str, tuple[BusMessage, BusMessage, str]] = {
     "a number": (
         IMU,
         replace(IMU, linear_acceleration_mps2=(0.1, 0.0, 9.82)),
@@ -183,7 +183,9 @@ CASES: dict[str, tuple[Message, Message, str]] = {
 
 
 @pytest.mark.parametrize(("recorded", "again", "words"), CASES.values(), ids=CASES)
-def test_the_field_is_named_with_both_values(recorded: Message, again: Message, words: str) -> None:
+def test_the_field_is_named_with_both_values(
+    recorded: BusMessage, again: BusMessage, words: str
+) -> None:
     ros_type = CODECS[type(recorded)].ros_type
     found = message_difference(ros_type, bytes(to_cdr(recorded)), bytes(to_cdr(again)))
     assert str(found) == words

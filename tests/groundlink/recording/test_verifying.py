@@ -15,8 +15,7 @@ from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.messages.base import Clock, Command, Imu, Message, packed
-from groundlink.messages.faults import Faults
+from groundlink.messages.base import BusMessage, Clock, Command, Imu, packed
 from groundlink.messages.missing_readings import Cause, Gap, Gaps
 from groundlink.messages.navigation import JointState
 from groundlink.recording import missing_readings as missing
@@ -27,6 +26,7 @@ from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.streams import faults_topic, gaps_topic
+from groundlink.run.fault_messages import Faults
 from groundlink.run.journal import (
     Commanded,
     JointsCommanded,
@@ -56,7 +56,7 @@ def clock(seconds: float) -> Clock:
     return Clock(EPOCH + tick * TICK_NANOS, EPOCH, tick, 1)
 
 
-Rows = Iterable[tuple[str, Message]]
+Rows = Iterable[tuple[str, BusMessage]]
 
 
 def record(
@@ -158,7 +158,7 @@ def faults(seconds: float, *active: Fault) -> tuple[str, Faults]:
 def test_what_cannot_come_again_has_its_reason(lab: Scenario, tmp_path: Path) -> None:
     command = ("/cmd_vel", Command(EPOCH, STILL, STILL))
     gaps = (gaps_topic(IMU), Gaps(EPOCH, IMU, ()))
-    rows: list[tuple[str, Message]] = [imu(1.0), command, gaps, faults(2.0, Stuck(at_s=2.0))]
+    rows: list[tuple[str, BusMessage]] = [imu(1.0), command, gaps, faults(2.0, Stuck(at_s=2.0))]
     with record(tmp_path / "a.mcap", lab, rows) as recording:
         assert verifying.silent_sensors(recording, lab) == [
             "rover/lidar",

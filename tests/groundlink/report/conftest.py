@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.messages.base import Command, Health, Imu, Message, StreamReport, packed
+from groundlink.messages.base import BusMessage, Command, Health, Imu, StreamReport, packed
 from groundlink.messages.imagery import CompressedImage, Image
 from groundlink.messages.missing_readings import Gap, Gaps
 from groundlink.messages.navigation import Odometry
@@ -97,7 +97,7 @@ def write(path: Path) -> Path:
         Stream(name="jpeg", kind="compressed_image", topic="/camera/jpeg", rate_hz=5.0),
     )
     scenario = replace(lab, description=EVIL, vehicles=(replace(lab.vehicles[0], streams=cameras),))
-    records: list[tuple[int, str, Message]] = []
+    records: list[tuple[int, str, BusMessage]] = []
     records += [(s, "/ground_truth/odom", odometry(s)) for s in stamps(50)]
     records += [(s, "/vitals", vitals(s)) for s in stamps(10)]
     records += [

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
-from groundlink.messages.base import BadMessage, Clock, Command, Message, packed
+from groundlink.messages.base import BadBusMessage, BusMessage, Clock, Command, packed
 from groundlink.messages.imagery import Range
 from groundlink.messages.navigation import JointState, OccupancyGrid, Odometry, PoseStamped
 from groundlink.messages.relayed import Relayed
@@ -87,7 +87,7 @@ def test_what_is_relayed_is_what_came_if_it_is_of_its_type() -> None:
     assert read(body("path"), 7) == Relayed(7, PATH, memoryview(body("path")))
     assert bytes(to_cdr(read(body("path"), 7))) == body("path")
     for wrong_one in (body("path")[:-9], b"", body("pose")):
-        with pytest.raises(BadMessage, match="not a nav_msgs/msg/Path"):
+        with pytest.raises(BadBusMessage, match="not a nav_msgs/msg/Path"):
             read(wrong_one, 7)
 
 
@@ -105,8 +105,8 @@ def test_what_went_out_comes_back(name: str) -> None:
     ],
     ids=["a stamp after 2038", "beyond float32"],
 )
-def test_what_no_ros_type_holds_is_refused(message: Message) -> None:
-    with pytest.raises(BadMessage, match=r"no .* holds this"):
+def test_what_no_ros_type_holds_is_refused(message: BusMessage) -> None:
+    with pytest.raises(BadBusMessage, match=r"no .* holds this"):
         to_cdr(message)
 
 
@@ -133,8 +133,8 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("message", "bad", "why"), REFUSED, ids=lambda x: str(x)[:20])
-def test_what_makes_no_sense_is_refused(message: Message, bad: bytes, why: str) -> None:
-    with pytest.raises(BadMessage, match=why):
+def test_what_makes_no_sense_is_refused(message: BusMessage, bad: bytes, why: str) -> None:
+    with pytest.raises(BadBusMessage, match=why):
         READERS[ROS_CODECS[type(message)].ros_type](bad, 0)
 
 
@@ -144,7 +144,7 @@ def test_a_map_whose_sizes_disagree_is_refused() -> None:
     for width in (29, 31, 2**32 - 1):
         info = replace(grid.info, width=width)
         bad = store.serialize_cdr(replace(grid, info=info), "nav_msgs/msg/OccupancyGrid")
-        with pytest.raises(BadMessage, match="cells"):
+        with pytest.raises(BadBusMessage, match="cells"):
             READERS["nav_msgs/msg/OccupancyGrid"](bad, 0)
 
 
@@ -174,7 +174,7 @@ def test_garbled_bodies_raise_nothing_else(data: st.DataObject, ros_type: str) -
     read = READERS.get(ros_type) or reader(Relayed, ros_type)
     try:
         message = read(bytes(garbled[cut:] if data.draw(st.booleans()) else garbled), 7)
-    except BadMessage:
+    except BadBusMessage:
         return
     assert isinstance(
         message, Command | JointState | PoseStamped | Odometry | OccupancyGrid | Relayed

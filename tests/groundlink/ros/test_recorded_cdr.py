@@ -13,20 +13,20 @@ from groundlink.core.clock import TICK_NANOS
 from groundlink.messages import imagery, navigation
 from groundlink.messages.base import (
     POINT,
-    BadMessage,
+    BadBusMessage,
+    BusMessage,
     Clock,
     Command,
     Imu,
-    Message,
     PointCloud,
     WheelEncoders,
 )
-from groundlink.messages.faults import Faults
 from groundlink.messages.ground_truth import TRUE_POINT, Bodies, TruePoints
 from groundlink.messages.missing_readings import CAUSES, Gap, Gaps
 from groundlink.messages.vitals import Contact, Vitals
 from groundlink.ros.cdr import CODECS, from_cdr, to_cdr
 from groundlink.ros.codec import Moment
+from groundlink.run.fault_messages import Faults
 from groundlink.scenario.faults import Bias, Stuck
 
 STAMP = st.integers(0, (2**31 - 1) * 10**9)
@@ -115,7 +115,7 @@ GAP = st.builds(
 FAULT = st.builds(Stuck, at_s=st.floats(0, 1e4)) | st.builds(Bias, value=st.floats(-9, 9))
 TRANSFORM = st.builds(navigation.Transform, STAMP, FRAME, FRAME, VECTOR, QUATERNION)
 
-ANY: dict[type[Message], st.SearchStrategy[Any]] = {
+ANY: dict[type[BusMessage], st.SearchStrategy[Any]] = {
     Clock: st.builds(Clock, STAMP, st.just(0), st.just(0)),
     Command: st.builds(Command, STAMP, VECTOR, VECTOR),
     Imu: st.builds(Imu, STAMP, FRAME, QUATERNION, VECTOR, VECTOR, NUMBER, NUMBER, NUMBER),
@@ -175,10 +175,10 @@ def test_every_message_that_is_recorded_is_here() -> None:
 
 
 @pytest.mark.parametrize("message_type", ANY, ids=lambda kind: kind.__name__)
-def test_what_was_recorded_becomes_the_same_bytes(message_type: type[Message]) -> None:
+def test_what_was_recorded_becomes_the_same_bytes(message_type: type[BusMessage]) -> None:
     @settings(max_examples=60)
     @given(ANY[message_type])
-    def holds(message: Message) -> None:
+    def holds(message: BusMessage) -> None:
         cdr = to_cdr(message)
         assert to_cdr(from_cdr(cdr, message_type, Moment(0, 0))) == cdr
 
@@ -199,5 +199,5 @@ def test_a_command_is_of_the_time_when_it_was_recorded() -> None:
 @pytest.mark.parametrize("cut", [0, 3, 40])
 def test_what_is_no_message_is_refused(cut: int) -> None:
     cdr = to_cdr(PointCloud(1, "f", memoryview(bytes(POINT.itemsize))))
-    with pytest.raises(BadMessage, match="no PointCloud in this"):
+    with pytest.raises(BadBusMessage, match="no PointCloud in this"):
         from_cdr(cdr[:cut], PointCloud, Moment(0, 0))

@@ -14,9 +14,9 @@ from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.loader.additions import KINDS
 from groundlink.messages.base import Ack, Command, State, WheelCommand, packed
-from groundlink.messages.control import Remove, Spawn
 from groundlink.messages.navigation import JointState
 from groundlink.run import journal as module
+from groundlink.run.control import Remove, Spawn
 from groundlink.run.journal import (
     BLOCK_ENTRIES,
     Commanded,

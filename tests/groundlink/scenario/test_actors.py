@@ -14,8 +14,8 @@ from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.loader.json_schema import json_schema
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.world.bodies import link_bodies
-from groundlink.world.build import solids
+from groundlink.scene.bodies import link_bodies
+from groundlink.scene.build import solids
 
 ACTORS = """
 - name: visitor

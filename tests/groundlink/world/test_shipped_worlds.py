@@ -15,11 +15,11 @@ from groundlink.loader.partial_scenario import FileKind, load_partial
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.run.routes import line
 from groundlink.scenario import Scenario
+from groundlink.scene.build import solids, world_hash
+from groundlink.scene.spawn_pose import collision_solids
 from groundlink.world.bounds import bounds
-from groundlink.world.build import solids, world_hash
 from groundlink.world.objects.outdoor_objects import build_outdoor_object
 from groundlink.world.objects.outdoor_specs import Fence
-from groundlink.world.spawn_pose import collision_solids
 from groundlink.world.terrain import Ground, load_ground
 
 WORLDS = sorted(file.stem for file in (SHIPPED / "worlds").glob("*.yaml"))

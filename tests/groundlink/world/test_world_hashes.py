@@ -9,7 +9,7 @@ from __future__ import annotations
 import pytest
 
 from groundlink.loader import load
-from groundlink.world.build import world_hash
+from groundlink.scene.build import world_hash
 
 HASHES = {
     "indoor_2d": "b1075bbdb48d4aac45df7156aabf281e908532132d2c8cf6daf8b52d312f515e",

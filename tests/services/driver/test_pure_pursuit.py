@@ -29,7 +29,7 @@ from groundlink.scenario.route import (
 )
 from groundlink.scenario.schema import Placement
 from groundlink.scenario.vehicle import VehicleModel
-from groundlink.world.build import solids
+from groundlink.scene.build import solids
 from groundlink.world.solids import Box, Solid
 from services.driver.pure_pursuit import PurePursuitFollower
 from services.physics.simulation.simulation import Simulation

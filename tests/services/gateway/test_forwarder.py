@@ -11,7 +11,7 @@ import pytest
 from groundlink.bus.inbox import BusInbox
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.messages.base import Ack, Clock, Message, encode
+from groundlink.messages.base import Ack, BusMessage, Clock, encode
 from services.gateway.forwarder import PILE_MESSAGES, Forwarder
 
 from .test_gateway import RUN, Bench
@@ -40,7 +40,7 @@ def test_of_what_has_pile_up_the_stale_is_dropped_by_stamp_and_counted(
     seconds: float, stale_seconds: float
 ) -> None:
     """Samples of 100 a second, each behind its clock, and all of them waiting."""
-    bench, inbox = Bench(), BusInbox[Message](depth=8192)
+    bench, inbox = Bench(), BusInbox[BusMessage](depth=8192)
     link: Any = bench.link
     forwarder = Forwarder(
         load(SHIPPED / "indoor_lab.yaml"), bench.gateway, link, acknowledge=lambda ack: None

@@ -16,10 +16,10 @@ from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import (
     POINT,
+    BusMessage,
     Clock,
     Command,
     Imu,
-    Message,
     PointCloud,
     StreamReport,
     WheelEncoders,
@@ -84,7 +84,7 @@ class Bench:
     """A gateway of the shipped scenario with nothing real around it."""
 
     def __init__(self, scenario: Scenario | None = None) -> None:
-        self.commands: list[tuple[str, Message]] = []
+        self.commands: list[tuple[str, BusMessage]] = []
         self.run_commands: list[RunCommand] = []
         self.link = RecordingLink()
         self.gateway = Gateway(
@@ -95,7 +95,7 @@ class Bench:
             on_run_command=self.run_commands.append,
         )
 
-    def forward(self, name: str, message: Message) -> None:
+    def forward(self, name: str, message: BusMessage) -> None:
         self.gateway.forward(f"groundlink/{RUN}/{name}", message, self.link)  # type: ignore[arg-type]
 
     def report(self, **dropped: int) -> tuple[list[StreamReport], dict[str, int]]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from groundlink.core.errors import UserError
-from groundlink.messages.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
+from groundlink.run.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
 from groundlink.scenario.ros_side import GatewaySettings
 from services.gateway.carrier import sockets
 from services.gateway.run_commands import COMMANDS_WAITING, REPLIES_KEPT, RunCommandQueue

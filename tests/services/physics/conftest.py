@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from groundlink.loader import load
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
-from groundlink.world.build import solids
+from groundlink.scene.build import solids
 from groundlink.world.solids import Solid
 from services.physics.simulation.simulation import Simulation
 

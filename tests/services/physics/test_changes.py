@@ -12,9 +12,9 @@ from msgspec.structs import replace
 from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.messages.base import Command, floats
 from groundlink.scenario import Scenario
-from groundlink.scenario.change import with_more, without
 from groundlink.scenario.schema import Placement
-from groundlink.world.build import solids
+from groundlink.scene.build import solids
+from groundlink.scene.change import with_more, without
 from services.physics.simulation.simulation import Simulation
 
 from .conftest import ROVER, run

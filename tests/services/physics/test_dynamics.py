@@ -11,9 +11,9 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.messages.base import VehicleState, WheelCommand, floats
-from groundlink.scenario.drives import Battery, Motor
+from groundlink.scenario.running_gear import Battery, Motor, Suspension
 from groundlink.scenario.schema import Placement
-from groundlink.scenario.vehicle import Suspension, VehicleModel
+from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Box, Solid
 from services.physics.dynamics.backend import GRAVITY_MPS2
 from services.physics.simulation.simulation import Simulation

@@ -9,7 +9,7 @@ import pytest
 from groundlink.bus.topics import JOINT_COMMAND, JOINTS
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.messages.base import BadMessage, State, floats, packed
+from groundlink.messages.base import BadBusMessage, State, floats, packed
 from groundlink.messages.navigation import JointState
 from groundlink.ros.base import Bases
 from groundlink.ros.cdr import READERS, to_cdr
@@ -54,7 +54,7 @@ def test_a_joint_state_of_ros_is_a_command_of_the_run(outdoors: Scenario) -> Non
     ids=["no positions", "not finite", "cut off"],
 )
 def test_joint_states_that_are_no_commands_are_refused(body: bytes) -> None:
-    with pytest.raises(BadMessage):
+    with pytest.raises(BadBusMessage):
         READERS["sensor_msgs/msg/JointState"](body, 0)
 
 

@@ -14,7 +14,7 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import REPLIES_KEPT
 from groundlink.core.clock import NANOS
 from groundlink.loader import load
-from groundlink.messages.base import Ack, Message, State, WheelCommand, decode, encode, floats
+from groundlink.messages.base import Ack, BusMessage, State, WheelCommand, decode, encode, floats
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
 from groundlink.scenario.schema import Time
 from services.physics.run import server as process
@@ -41,7 +41,7 @@ class SlowBus:
     def __init__(self, clocks: Clocks) -> None:
         self._clocks = clocks
 
-    def publisher(self, *_: Any) -> Callable[[Message], bytes]:
+    def publisher(self, *_: Any) -> Callable[[BusMessage], bytes]:
         self._declare()
         return encode
 
@@ -94,12 +94,12 @@ class TalkingBus(SlowBus):
 
     def __init__(self, clocks: Clocks) -> None:
         super().__init__(clocks)
-        self._inboxes: dict[str, tuple[type[Message], BusInbox[Any]]] = {}
+        self._inboxes: dict[str, tuple[type[BusMessage], BusInbox[Any]]] = {}
 
-    def subscribe(self, key: str, message_type: type[Message], inbox: BusInbox[Any]) -> None:
+    def subscribe(self, key: str, message_type: type[BusMessage], inbox: BusInbox[Any]) -> None:
         self._inboxes[key] = message_type, inbox
 
-    def say(self, key: str, message: Message) -> None:
+    def say(self, key: str, message: BusMessage) -> None:
         message_type, inbox = self._inboxes[key]
         inbox.put(key, encode(message), message_type)
 

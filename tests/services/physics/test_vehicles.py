@@ -10,7 +10,7 @@ import pytest
 
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import Command, State, encode, floats
-from groundlink.scenario.drives import SideSteered
+from groundlink.scenario.running_gear import SideSteered
 from groundlink.scenario.schema import Placement
 from groundlink.world.solids import Material
 

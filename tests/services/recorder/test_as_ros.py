@@ -18,7 +18,7 @@ from groundlink.core.clock import NANOS
 from groundlink.core.frames import quaternion_from_rpy, transform
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.messages.base import Clock, Message, WheelEncoders
+from groundlink.messages.base import BusMessage, Clock, WheelEncoders
 from groundlink.messages.navigation import Odometry
 from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
 from groundlink.recording.reader import Recording
@@ -44,7 +44,7 @@ def odometry(stamp: int, frame: str, child: str, x_m: float, yaw: float) -> Odom
     return Odometry(stamp, frame, child, *placed, STILL, STILL, NO_ERROR, NO_ERROR)
 
 
-def told(vehicle: Vehicle, step: int) -> Iterator[tuple[str, Message]]:
+def told(vehicle: Vehicle, step: int) -> Iterator[tuple[str, BusMessage]]:
     """Yield what physics and the sensors of a vehicle say at a step: wheels slip on a bend."""
     stamp, x_m, name = EPOCH + step * PERIOD, 0.01 * step, vehicle.name
     base = vehicle.frame_prefix + vehicle.model.base_frame
@@ -89,7 +89,7 @@ def recorded(scenario: Scenario, path: Path) -> dict[str, list[bytes]]:
     return found
 
 
-def messages(scenario: Scenario) -> Iterator[tuple[str, Message]]:
+def messages(scenario: Scenario) -> Iterator[tuple[str, BusMessage]]:
     for step in range(STEPS):
         yield CLOCK.key_in(RUN), Clock(EPOCH + step * PERIOD, EPOCH, 8 * step, 1)
         for vehicle in scenario.vehicles:

@@ -13,7 +13,7 @@ import pytest
 from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.messages.base import Clock, Health, Imu, Message, WheelEncoders
+from groundlink.messages.base import BusMessage, Clock, Health, Imu, WheelEncoders
 from groundlink.messages.navigation import Odometry, Transform, Transforms
 from groundlink.recording.comparison import Comparison
 from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries, run_facts
@@ -40,7 +40,7 @@ RUN = "lab"
 STEPS = 40
 
 
-def told() -> Iterator[tuple[str, Message]]:
+def told() -> Iterator[tuple[str, BusMessage]]:
     """Yield what was on the bus, by the names of ROS."""
     for step in range(STEPS):
         stamp, x_m = EPOCH + step * 8 * TICK_NANOS, 0.01 * step
@@ -62,7 +62,7 @@ def earlier(tmp_path: Path) -> Iterator[Recording]:
     file = RosFile(tmp_path / "earlier.mcap")
     file.mcap.add_metadata(RUN_RECORD, run_entries(describe_run(LAB, RUN, EPOCH)))
 
-    def write(topic: str, nanos: int, message: Message) -> None:
+    def write(topic: str, nanos: int, message: BusMessage) -> None:
         ros_type = CODECS[type(message)].ros_type
         file.topic(topic, ros_type, latched=topic == "/tf_static").write(nanos, to_cdr(message))
 

@@ -26,7 +26,6 @@ from groundlink.messages.base import (
     StreamReport,
     packed,
 )
-from groundlink.messages.faults import Faults
 from groundlink.messages.ground_truth import Bodies
 from groundlink.messages.missing_readings import Gap, Gaps
 from groundlink.messages.navigation import JointState, Odometry, PoseStamped
@@ -37,6 +36,7 @@ from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.missing_readings import from_gaps
 from groundlink.ros.types import STORE, TYPES, header
+from groundlink.run.fault_messages import Faults
 from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Stuck
 from groundlink.scenario.ros_side import FromRos, Stream

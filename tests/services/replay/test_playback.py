@@ -15,10 +15,10 @@ from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import (
     POINT,
+    BusMessage,
     Clock,
     Command,
     Imu,
-    Message,
     PointCloud,
     measured_nanos,
     packed,
@@ -57,7 +57,7 @@ def pose(ms: int) -> PoseStamped:
     return PoseStamped(EPOCH + ms * MS, "map", STILL, UPRIGHT)
 
 
-TOPICS: dict[type[Message], str] = {
+TOPICS: dict[type[BusMessage], str] = {
     Clock: "/clock",
     Imu: "/imu",
     PointCloud: "/points",
@@ -65,14 +65,14 @@ TOPICS: dict[type[Message], str] = {
     PoseStamped: "/pose",
 }
 
-Recorded = Callable[[list[Message]], Recording]
+Recorded = Callable[[list[BusMessage]], Recording]
 
 
 @pytest.fixture
 def recorded(tmp_path: Path) -> Recorded:
     """Return a function that makes a recording of messages in this order."""
 
-    def record(messages: list[Message]) -> Recording:
+    def record(messages: list[BusMessage]) -> Recording:
         file = RosFile(tmp_path / "run.mcap")
         scenario = load(str(SHIPPED / "indoor_lab.yaml"))
         file.mcap.add_metadata(RUN_RECORD, run_entries(describe_run(scenario, "lab", EPOCH)))
@@ -87,7 +87,7 @@ def recorded(tmp_path: Path) -> Recorded:
     return record
 
 
-def played(recording: Recording, from_ms: int = 0) -> list[tuple[int, str, Message]]:
+def played(recording: Recording, from_ms: int = 0) -> list[tuple[int, str, BusMessage]]:
     with recording:
         player = playback(recording, "again")
         return [

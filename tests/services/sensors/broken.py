@@ -12,8 +12,8 @@ from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.messages.base import (
     POINT,
     Ack,
+    BusMessage,
     Imu,
-    Message,
     PointCloud,
     Reading,
     State,
@@ -90,7 +90,7 @@ class Repeats:
     def settled_tick(self) -> int:
         return max(self._tick - self._takes_ticks, self._first)
 
-    def readings(self, state: State) -> Iterator[Message]:
+    def readings(self, state: State) -> Iterator[BusMessage]:
         self._tick = state.tick
         self._first = state.tick if self._first < 0 else self._first
         begun = state.tick - self._takes_ticks
@@ -101,7 +101,7 @@ class Repeats:
 class Counts(Repeats):
     """Says in its frame which reading it is."""
 
-    def readings(self, state: State) -> Iterator[Message]:
+    def readings(self, state: State) -> Iterator[BusMessage]:
         for reading in super().readings(state):
             yield replace(reading, frame=str(round(100 * seconds(reading))))  # type: ignore[call-arg]
 
@@ -112,7 +112,7 @@ def stamped(reading: Reading, nanos: int) -> Reading:
 
 def faulty(
     inner: SensorModel,
-    message: type[Message],
+    message: type[BusMessage],
     *faults: Fault,
     seed: int = 1,
 ) -> FaultWrapper:
@@ -129,7 +129,7 @@ def states(ticks: Iterable[int]) -> Iterator[State]:
         yield State("run", EPOCH_NANOS, EPOCH_NANOS, tick, tick * TICK_NANOS, HASH, {})
 
 
-def changed(model: RememberingModel, ticks: int) -> list[tuple[int, Message]]:
+def changed(model: RememberingModel, ticks: int) -> list[tuple[int, BusMessage]]:
     """Return what comes out, with the tick at which it does."""
     return [
         (state.tick, message)
@@ -139,7 +139,7 @@ def changed(model: RememberingModel, ticks: int) -> list[tuple[int, Message]]:
     ]
 
 
-def seconds(message: Message) -> float:
+def seconds(message: BusMessage) -> float:
     """Return when it was measured, in sim time."""
     return (measured_nanos(message) - EPOCH_NANOS) / NANOS
 
@@ -170,6 +170,6 @@ class Line:
     def miss(self, told: Gaps) -> None:
         self.gaps += told.gaps
 
-    def take(self, message: Message) -> None:
+    def take(self, message: BusMessage) -> None:
         body = encode(message)
         assert self.bodies.setdefault(measured_nanos(message), body) == body

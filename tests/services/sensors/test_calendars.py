@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from groundlink.bus.topics import sensor_outputs
 from groundlink.core.clock import TICK_NANOS
-from groundlink.messages.base import Message, State, encode, measured_nanos, packed
+from groundlink.messages.base import BusMessage, State, encode, measured_nanos, packed
 from groundlink.messages.imagery import CompressedImage
 from groundlink.messages.missing_readings import Gaps
 from groundlink.messages.reading_schedule import ReadingSchedule
@@ -28,7 +28,7 @@ from groundlink.scenario.sensors import (
     DepthCamera,
     Encoders,
     Gnss,
-    Imu,
+    InertialUnit,
     Lidar,
     Lidar2d,
     StereoCamera,
@@ -82,7 +82,7 @@ class Blank(PictureModel):
             super().restart()
             del self._restarting
 
-    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[Message | StreamMessage]:
+    def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[BusMessage | StreamMessage]:
         picture = CompressedImage(stamp_nanos, "", "jpeg", memoryview(b""))
         return [StreamMessage(output.name, picture) for output in sensor_outputs(self._spec)]
 
@@ -114,10 +114,10 @@ LENS = {"width": 16, "height": 16}
 KINDS: dict[type[Any], tuple[st.SearchStrategy[Any], Callable[..., SensorModel]]] = {
     Lidar: (turning(Lidar, elevations_deg=(-1.0, 1.0), truth=True), LidarModel),
     Lidar2d: (turning(Lidar2d), Lidar2dModel),
-    Imu: (
+    InertialUnit: (
         st.builds(
             lambda imu, hz: replace(imu, accelerometer=InertialNoise(bandwidth_hz=hz)),
-            of_rate(Imu),
+            of_rate(InertialUnit),
             st.sampled_from([0.0, 50.0, 200.0]),
         ),
         ImuModel,
@@ -198,7 +198,7 @@ class Fed:
             max_waiting_ticks=max_waiting_ticks,
         )
 
-    def _publish(self, made: Message | StreamMessage) -> None:
+    def _publish(self, made: BusMessage | StreamMessage) -> None:
         output, message = stream_and_message(made)
         reading = self._reading(measured_nanos(message))
         assert reading not in self.came[output]

@@ -27,9 +27,9 @@ from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.messages import imagery, navigation
 from groundlink.messages.base import (
     POINT,
+    BusMessage,
     Command,
     Imu,
-    Message,
     PointCloud,
     VehicleState,
     WheelEncoders,
@@ -41,8 +41,8 @@ from groundlink.ros.cdr import to_cdr
 from groundlink.ros.streams import RosStream
 from groundlink.ros.types import STORE, TYPES, header, pose
 from groundlink.scenario import Scenario
-from groundlink.scenario.change import with_more
 from groundlink.scenario.sensors import Lidar2d
+from groundlink.scene.change import with_more
 from groundlink.world.actors import Actor, CrateForm, FreeMotion
 from services.view.draw_messages import FORMS
 from services.view.drawing import MOST_POINTS, Trail
@@ -65,7 +65,7 @@ def picture(
     return it, nowhere.recordings[0]
 
 
-def show(it: RerunView, path: str, message: Message) -> None:
+def show(it: RerunView, path: str, message: BusMessage) -> None:
     key = f"groundlink/run/{path}"
     it.take(path, RosStream(key=key, message=type(message), topic="/t", declared_hz=None), message)
 
@@ -134,7 +134,7 @@ def filtered(frame: str, points: list[tuple[float, float, float]], *, axes: str 
     )
 
 
-CASES: dict[type[Message], tuple[Message, str, type | None]] = {
+CASES: dict[type[BusMessage], tuple[BusMessage, str, type | None]] = {
     Command: (Command(STAMP, (1, 0, 0), (0, 0, 0)), "rover/speed/commanded", None),
     Imu: (Imu(STAMP, "imu_link", UP, (0, 0, 1), (0, 0, 9), 0, 0, 0), "rover/x/acceleration", None),
     PointCloud: (cloud([(1, 0, 0, 80, 3, 0)]), "rover/x", rr.Points3D),
@@ -195,7 +195,7 @@ def test_all_that_ros_sees_of_a_vehicle_is_drawn() -> None:
 
 
 @pytest.mark.parametrize("kind", CASES, ids=lambda kind: kind.__name__)
-def test_each_message_is_drawn(kind: type[Message]) -> None:
+def test_each_message_is_drawn(kind: type[BusMessage]) -> None:
     message, path, drawn = CASES[kind]
     it, recording = picture()
     if kind is WheelEncoders:
@@ -315,7 +315,7 @@ def test_a_cloud_from_before_the_first_state_is_counted() -> None:
     ],
     ids=["bayer", "h264", "no header", "no PNG", "unknown frame"],
 )
-def test_what_cannot_be_drawn_is_counted(message: Message) -> None:
+def test_what_cannot_be_drawn_is_counted(message: BusMessage) -> None:
     it, _ = picture()
     show(it, "rover/x", message)
     assert it.drawing.not_drawn == 1

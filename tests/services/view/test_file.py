@@ -15,7 +15,15 @@ import rerun.blueprint as rrb
 
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
-from groundlink.messages.base import POINT, Clock, Imu, Message, PointCloud, measured_nanos, packed
+from groundlink.messages.base import (
+    POINT,
+    BusMessage,
+    Clock,
+    Imu,
+    PointCloud,
+    measured_nanos,
+    packed,
+)
 from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.cdr import CODECS, to_cdr
@@ -30,11 +38,11 @@ TICKS = 400
 UPRIGHT, STILL = (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
 
 
-def rows() -> list[tuple[str, Message]]:
+def rows() -> list[tuple[str, BusMessage]]:
     records = np.zeros(7, POINT)
     records["x"], records["time"] = 2.0, np.linspace(0.0, 0.0999, 7)
     points = packed(records.view(np.uint8))
-    found: list[tuple[str, Message]] = []
+    found: list[tuple[str, BusMessage]] = []
     for tick in range(0, TICKS + 1, 8):
         stamp = EPOCH + tick * TICK_NANOS
         found.append(("/clock", Clock(stamp, EPOCH, tick, EPOCH)))

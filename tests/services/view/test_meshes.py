@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from groundlink.scene.vehicle_links import link_solids
 from groundlink.world.solids import Box, Material, Solid
-from groundlink.world.vehicle_links import link_solids
 from services.view import meshes
 
 from .scenes import SCENARIO

@@ -15,10 +15,10 @@ from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import POINT, Clock, PointCloud, State, VehicleState, floats, packed
 from groundlink.messages.ground_truth import Bodies
 from groundlink.messages.navigation import JointState
+from groundlink.scene.bodies import body_names
 from groundlink.world.actors import Actor, CrateForm, FreeMotion
-from groundlink.world.bodies import body_names
 from services.physics.run.ground_truth import BodyTruth, VehicleTruth
-from services.view.reconstructed_states import HELD, StateReconstructor, StreamMessage
+from services.view.reconstructed_states import HELD, ReceivedMessage, StateReconstructor
 from services.view.viewer_subscriptions import streams_of
 
 from .scenes import EPOCH, SCENARIO, truth
@@ -27,15 +27,15 @@ STREAMS = streams_of(SCENARIO, "run")
 MODEL = SCENARIO.vehicles[0].model
 
 
-def drawable(path: str, message: Any) -> StreamMessage:
-    return StreamMessage(path, STREAMS[path], message)
+def drawable(path: str, message: Any) -> ReceivedMessage:
+    return ReceivedMessage(path, STREAMS[path], message)
 
 
-def clock(tick: int) -> StreamMessage:
+def clock(tick: int) -> ReceivedMessage:
     return drawable("clock", Clock(EPOCH + tick * TICK_NANOS, EPOCH, tick, EPOCH))
 
 
-def cloud(tick: int) -> StreamMessage:
+def cloud(tick: int) -> ReceivedMessage:
     points = packed(np.zeros(1, POINT).view(np.uint8))
     message = PointCloud(EPOCH + tick * TICK_NANOS, "lidar_link", points)
     return drawable("rover/lidar", message)
@@ -104,10 +104,10 @@ def test_vehicles_of_one_instant_are_in_one_state() -> None:
     scenario = load(SHIPPED / "two_rovers.yaml")
     streams = streams_of(scenario, "run")
     names = [vehicle.name for vehicle in scenario.vehicles]
-    came = [StreamMessage("clock", streams["clock"], clock(0).message)]
+    came = [ReceivedMessage("clock", streams["clock"], clock(0).message)]
     for name in names:  # as boxes are emptied: stream after stream
         path = f"{name}/ground_truth"
-        came += [StreamMessage(path, streams[path], truth(tick)) for tick in (0, 8, 16)]
+        came += [ReceivedMessage(path, streams[path], truth(tick)) for tick in (0, 8, 16)]
     states, _ = StateReconstructor(scenario, "run").follow(came)
     assert [(s.sim_nanos // TICK_NANOS, sorted(s.vehicles)) for s in states] == [
         (tick, sorted(names)) for tick in (0, 8, 16)
@@ -178,8 +178,8 @@ def test_joints_are_where_the_truth_says_also_between_the_poses_of_bodies() -> N
     poses[:, 6] = 1.0
     states = StateReconstructor(scenario, "run")
 
-    def told(path: str, message: Any) -> StreamMessage:
-        return StreamMessage(path, streams[path], message)
+    def told(path: str, message: Any) -> ReceivedMessage:
+        return ReceivedMessage(path, streams[path], message)
 
     def seen(turn: float) -> Any:
         at = packed(np.array([turn, 0.0]))

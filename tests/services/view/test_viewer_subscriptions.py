@@ -7,7 +7,7 @@ from typing import Any
 
 from groundlink.bus.inbox import BusInbox
 from groundlink.core.clock import TICK_NANOS
-from groundlink.messages.base import Clock, Message, PointCloud, State, encode
+from groundlink.messages.base import BusMessage, Clock, PointCloud, State, encode
 from services.view.viewer_subscriptions import KEPT, ViewerSubscriptions
 
 from .scenes import EPOCH, SCENARIO, state, truth
@@ -17,9 +17,9 @@ class StandInBus:
     """Has what of a bus is used; what is put under a key arrives at once."""
 
     def __init__(self) -> None:
-        self.inboxes: dict[str, tuple[type[Message], BusInbox[Any]]] = {}
+        self.inboxes: dict[str, tuple[type[BusMessage], BusInbox[Any]]] = {}
 
-    def subscribe(self, key: str, message_type: type[Message], inbox: BusInbox[Any]) -> None:
+    def subscribe(self, key: str, message_type: type[BusMessage], inbox: BusInbox[Any]) -> None:
         self.inboxes[key] = message_type, inbox
 
     def put(self, key: str, payload: bytes) -> None:

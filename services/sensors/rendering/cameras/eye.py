@@ -14,9 +14,9 @@ from groundlink.core.frames import Floats, transform
 from groundlink.messages.base import State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Optics
+from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.gl.target import Frame, Layer
-from services.sensors.rendering.optics.pinhole import Pinhole
 from services.sensors.runtime.world_replica import WorldReplica
 
 
@@ -70,7 +70,7 @@ class Eye:
 
         Raises
         ------
-        BadMessage
+        BadBusMessage
             If a vehicle or a link is missing.
         """
         self._around.take(state)

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from groundlink.core.frames import Floats
 from groundlink.scenario.schema import World
 from groundlink.world.terrain import BODY, load_ground
+from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.look.labels import Labels
 from services.sensors.rendering.look.lights import lighting
 from services.sensors.rendering.look.mesh import Skin, SkinnedMesh
-from services.sensors.rendering.optics.pinhole import Pinhole
 
 from .context import filtered, open_context
 from .culling import from_near_to_far, seen

@@ -20,8 +20,7 @@ from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats
 from groundlink.scenario import lenses
 from groundlink.scenario.sensors import Optics
-
-from .pinhole import Pinhole
+from services.sensors.rendering.gl.pinhole import Pinhole
 
 MAX_FIELD_DEG = 150.0
 """Widest field of view that is drawn, in degrees: at 180 degrees the plane z = 1 extends to

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
 from groundlink.scenario import lenses
+from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.target import Frame
 
 from .distortion import slopes
 from .focus import Focus
-from .pinhole import Pinhole
 
 MOST_PIXELS = 4.0
 """Largest ratio of drawn pixels to picture pixels. Beyond it the middle is less sharp."""

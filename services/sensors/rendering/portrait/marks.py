@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
-from services.sensors.rendering.optics.pinhole import Pinhole
+from services.sensors.rendering.gl.pinhole import Pinhole
 
 from .scene import NamedFrame
 

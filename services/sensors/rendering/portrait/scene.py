@@ -16,15 +16,15 @@ from groundlink.core.frames import Floats, transform
 from groundlink.loader.partial_scenario import FileKind
 from groundlink.scenario.joints import base_from_links
 from groundlink.scenario.schema import Scenario, Vehicle, World
+from groundlink.scene.build import solids
+from groundlink.scene.spawn_pose import spawn_pose
+from groundlink.scene.vehicle_links import link_solids
 from groundlink.world import actor_motion as motion
 from groundlink.world.actors import form_solids
 from groundlink.world.bounds import bounds
-from groundlink.world.build import solids
 from groundlink.world.objects.indoor_objects import WALLS
 from groundlink.world.solids import Box, Solid
-from groundlink.world.spawn_pose import spawn_pose
 from groundlink.world.terrain import Ground, load_ground
-from groundlink.world.vehicle_links import link_solids
 from groundlink.world.weather import Weather
 from services.sensors.rendering.gl.culling import Boxes
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from groundlink.core.clock import TICK_NANOS
-from groundlink.messages.base import Message, State
+from groundlink.messages.base import BusMessage, State
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Camera, Optics, StereoCamera
 from services.sensors.rendering.cameras.camera_eye import CameraEye
@@ -48,7 +48,7 @@ class Snapshot:
         """Return the last tick."""
         return self._tick
 
-    def readings(self, state: State) -> Iterable[Message]:
+    def readings(self, state: State) -> Iterable[BusMessage]:
         """Take the picture when the exposure has ended; yield nothing."""
         camera, begin = self._camera, self._at_nanos
         camera.eye.take(state)

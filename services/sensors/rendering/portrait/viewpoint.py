@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from groundlink.core.frames import Floats
-from services.sensors.rendering.optics.pinhole import Pinhole
+from services.sensors.rendering.gl.pinhole import Pinhole
 
 FIELD_DEG = 34.0
 """Vertical field of view in degrees. It is narrow, so that near objects don't look too large."""

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from groundlink.messages.faults import Faults
 from groundlink.report.analysis.fault_history import FaultPeriod, SensorFaultHistory
+from groundlink.run.fault_messages import Faults
 from groundlink.scenario.faults import Bias, Fault, Off, Stuck
 
 

@@ -9,7 +9,7 @@ import pytest
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.report.analysis.plan import outlines
-from groundlink.world.build import solids
+from groundlink.scene.build import solids
 from groundlink.world.solids import Box, Cylinder, Shape, Solid
 
 TURNED = (0.0, 0.0, np.sin(np.pi / 8), np.cos(np.pi / 8))

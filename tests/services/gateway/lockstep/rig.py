@@ -12,7 +12,7 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.core.clock import TICK_NANOS
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.messages.base import Ack, Clock, Message, WheelEncoders, encode
+from groundlink.messages.base import Ack, BusMessage, Clock, WheelEncoders, encode
 from groundlink.scenario.schema import Time
 from services.gateway.bus_session import RunStatus
 from services.gateway.gateway import Gateway
@@ -70,7 +70,7 @@ class Rig:
         scenario = replace(LAB, time=self.time)
         self.link: Any = StandIn()
         self.replies = ReplyMailbox()
-        self.published: list[tuple[str, Message]] = []
+        self.published: list[tuple[str, BusMessage]] = []
         self.acks: list[Ack] = []
         self.said: list[str] = []
         self.asked_for: list[str] = []
@@ -88,7 +88,7 @@ class Rig:
             resume=self.resume,
             say=self.said.append,
         )
-        self.inbox: BusInbox[Message] = BusInbox(depth=64)
+        self.inbox: BusInbox[BusMessage] = BusInbox(depth=64)
 
     def resume(self, process: str) -> RunStatus | None:
         self.asked_for.append(process)
@@ -102,7 +102,7 @@ class Rig:
             self.lockstep.hear(*arrived)
         self.lockstep.turn(self.now)
 
-    def hear(self, key: str, message: Message) -> None:
+    def hear(self, key: str, message: BusMessage) -> None:
         self.inbox.put(f"groundlink/{RUN}/{key}", encode(message), type(message))
         self.turn()
 

@@ -10,8 +10,8 @@ import pytest
 
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.scenario import Scenario
+from groundlink.scene.build import solids
 from groundlink.world.bounds import bounds
-from groundlink.world.build import solids
 from groundlink.world.solids import Box, Cylinder, Material, Shape, Solid, Sphere
 from services.physics.dynamics.bullet import BulletBackend
 from services.physics.dynamics.statics import add_statics

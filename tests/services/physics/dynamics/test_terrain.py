@@ -15,8 +15,8 @@ from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Command, State, encode, floats
 from groundlink.scenario.schema import Placement
+from groundlink.scene.spawn_pose import spawn_pose
 from groundlink.world.solids import Box, Material, Solid, Sphere
-from groundlink.world.spawn_pose import spawn_pose
 from groundlink.world.terrain import BODY, Ground, Terrain, load_ground
 from groundlink.world.triangles import merged
 from services.physics.dynamics.backend import BASE, FREE, Backend, Surface

@@ -10,7 +10,7 @@ import pytest
 
 from groundlink.core.errors import UserError
 from groundlink.loader.additions import KINDS
-from groundlink.messages.control import (
+from groundlink.run.control import (
     AnyRunCommand,
     ControlAnswer,
     Pause,

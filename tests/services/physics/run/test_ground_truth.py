@@ -16,9 +16,9 @@ from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import State, VehicleState, floats, packed
 from groundlink.scenario import Scenario
-from groundlink.scenario.change import with_more
 from groundlink.scenario.schema import BodyPoses, GroundTruth, Vehicle
-from groundlink.world.build import solids
+from groundlink.scene.build import solids
+from groundlink.scene.change import with_more
 from services.physics.run.ground_truth import BodyTruth, VehicleTruth
 from services.physics.simulation.simulation import Simulation
 from tests.services.physics.conftest import run

@@ -13,8 +13,8 @@ from msgspec.structs import replace
 from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
 from groundlink.core.errors import UserError
 from groundlink.loader.additions import SpawnPlace, addition
-from groundlink.messages.base import Ack, Command, Message, State, WheelCommand, decode, encode
-from groundlink.messages.control import Remove, Spawn
+from groundlink.messages.base import Ack, BusMessage, Command, State, WheelCommand, decode, encode
+from groundlink.run.control import Remove, Spawn
 from groundlink.run.journal import Journal, Platform, dumped, loaded
 from groundlink.scenario import Scenario
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
@@ -122,7 +122,7 @@ def test_all_that_is_published_afterwards_is_the_same(scenario: Scenario) -> Non
     def heard() -> tuple[list[bytes], Publishers]:
         said: list[bytes] = []
 
-        def publish(message: Message) -> bytes:
+        def publish(message: BusMessage) -> bytes:
             plain = message
             if hasattr(message, "episode"):
                 plain = replace(message, episode=0)

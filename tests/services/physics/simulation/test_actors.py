@@ -15,6 +15,7 @@ from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import State, encode, floats
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
+from groundlink.scene.build import solids
 from groundlink.world.actor_motion import mover
 from groundlink.world.actors import (
     Actor,
@@ -27,7 +28,6 @@ from groundlink.world.actors import (
     PersonForm,
     Swing,
 )
-from groundlink.world.build import solids
 from groundlink.world.solids import Box, Solid
 from groundlink.world.terrain import load_ground
 from services.physics.dynamics.backend import GRAVITY_MPS2, Backend

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from groundlink.messages.base import State
 from groundlink.scenario.schema import Placement
-from groundlink.scenario.sensors import Imu
+from groundlink.scenario.sensors import InertialUnit
+from groundlink.scene.spawn_pose import spawn_pose
 from groundlink.world.solids import Material
-from groundlink.world.spawn_pose import spawn_pose
 from groundlink.world.terrain import Terrain, load_ground
 from services.physics.simulation.settling import settled
 from services.physics.simulation.simulation import Simulation
@@ -34,7 +34,7 @@ def slope(steepness: float) -> Terrain:
 def off_gravity(simulation: Simulation) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return what an ideal IMU in the base reads beside gravity (m/s^2), and its rates (rad/s)."""
     run = world(None, (shipped("rover"), Placement()))
-    model = ImuModel(run, run.vehicles[0], Imu(name="imu", topic="/imu", frame="imu"))
+    model = ImuModel(run, run.vehicles[0], InertialUnit(name="imu", topic="/imu", frame="imu"))
     samples = []
     for tick in range(TICKS):
         state = State("t", 0, 0, tick, tick * 2_500_000, "", simulation.vehicle_states())

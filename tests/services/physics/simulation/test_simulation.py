@@ -14,7 +14,7 @@ from groundlink.core.frames import matrix_from_quaternion
 from groundlink.messages.base import Command, State, encode
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement, Vehicle
-from groundlink.world.build import solids
+from groundlink.scene.build import solids
 from groundlink.world.objects.indoor_objects import build_furniture
 from groundlink.world.objects.indoor_specs import Table
 from services.physics.simulation.simulation import Simulation

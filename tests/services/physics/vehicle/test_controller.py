@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Command, WheelCommand
 from groundlink.scenario import Scenario
-from groundlink.scenario.drives import Motor
+from groundlink.scenario.running_gear import Motor
 from groundlink.scenario.vehicle import VehicleModel
 from services.physics.vehicle.controller import MAX_WAITING, Controller, WheelTargets
 from services.physics.vehicle.steering import steering

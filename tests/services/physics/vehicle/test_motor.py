@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from groundlink.scenario.drives import Battery, Motor, SkidSteer
+from groundlink.scenario.running_gear import Battery, Motor, SkidSteer
 from services.physics.vehicle.motor import BatteryCharge, Motors
 
 DRIVE = SkidSteer(max_wheel_torque_nm=15.0, max_wheel_speed_radps=10.0)

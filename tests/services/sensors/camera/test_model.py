@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.frames import transform
-from groundlink.messages.base import BadMessage, Message, State
+from groundlink.messages.base import BadBusMessage, BusMessage, State
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
 from groundlink.ros.message_sizes import body_bytes
 from groundlink.ros.streams import outgoing, static_transforms
@@ -55,9 +55,9 @@ def camera(**fields: Any) -> CameraModel:
 
 def taken(
     model: CameraModel, run: list[State], waiting: int = 0, *, span_ticks: int = 0
-) -> dict[str, list[Message]]:
+) -> dict[str, list[BusMessage]]:
     """Return the messages of each stream."""
-    streams: dict[str, list[Message]] = {}
+    streams: dict[str, list[BusMessage]] = {}
     for state in run:
         model.behind(waiting)
         for made in model.readings(state):
@@ -68,7 +68,7 @@ def taken(
     return streams
 
 
-def pixels(message: Message) -> np.ndarray[Any, np.dtype[np.uint8]]:
+def pixels(message: BusMessage) -> np.ndarray[Any, np.dtype[np.uint8]]:
     assert isinstance(message, Image)
     flat = np.frombuffer(message.data, np.uint8).reshape(message.height, message.row_bytes)
     return flat.reshape(message.height, message.width, -1).squeeze()
@@ -251,7 +251,7 @@ def test_a_state_without_its_vehicle_is_refused_and_forgotten() -> None:
     model = camera()
     run = resting(20)
     model.readings(run[0])
-    with pytest.raises(BadMessage, match="link poses"):
+    with pytest.raises(BadBusMessage, match="link poses"):
         model.readings(replace(run[1], vehicles={}))
     assert model.settled_tick() == -1
     assert len(taken(model, run[2:])["image"]) == 1

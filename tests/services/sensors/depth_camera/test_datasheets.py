@@ -15,7 +15,7 @@ from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.depth_cameras import DepthCamera, StereoCamera
 from groundlink.scenario.sensors import Optics
 from services.sensors.depth_camera.measured import measured
-from services.sensors.rendering.optics.pinhole import Pinhole
+from services.sensors.rendering.gl.pinhole import Pinhole
 
 SHEETS: dict[str, tuple[type[Optics], float, float]] = {
     "depth_hd_paper": (DepthCamera, 500.0, 495.5),

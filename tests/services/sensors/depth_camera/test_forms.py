@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from groundlink.messages.imagery import CompressedImage
 from services.sensors.depth_camera.forms import compressed_depth, millimetres, pixels, points
-from services.sensors.rendering.optics.pinhole import Pinhole
+from services.sensors.rendering.gl.pinhole import Pinhole
 
 NOTHING = (math.nan, math.inf, -math.inf)
 ROW = np.array([[0.5, 1.0, 1.2344, 9.999, 10.0, *NOTHING]], np.float32)

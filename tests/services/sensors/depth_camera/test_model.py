@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from groundlink.messages.base import BadMessage, Message, PointCloud, State
+from groundlink.messages.base import BadBusMessage, BusMessage, PointCloud, State
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
 from groundlink.ros.message_sizes import body_bytes
 from groundlink.ros.streams import outgoing
@@ -43,7 +43,7 @@ def camera(*, by_rays: bool = False, **fields: Any) -> DepthCameraModel:
 
 def taken(model: DepthCameraModel, run: list[State]) -> dict[str, list[Any]]:
     """Return the messages of each stream."""
-    streams: dict[str, list[Message]] = {}
+    streams: dict[str, list[BusMessage]] = {}
     for state in run:
         for made in model.readings(state):
             assert not isinstance(made, LeftOut)
@@ -53,7 +53,7 @@ def taken(model: DepthCameraModel, run: list[State]) -> dict[str, list[Any]]:
     return streams
 
 
-def depth(message: Message) -> NDArray[Any]:
+def depth(message: BusMessage) -> NDArray[Any]:
     assert isinstance(message, Image)
     dtype = {"16UC1": np.uint16, "32FC1": np.float32}[message.encoding]
     return np.frombuffer(message.data, dtype).reshape(message.height, message.width)
@@ -157,7 +157,7 @@ def test_a_state_without_its_vehicle_is_refused_and_forgotten() -> None:
         model = camera(by_rays=by_rays)
         run = resting(20)
         model.readings(run[0])
-        with pytest.raises(BadMessage, match="link poses"):
+        with pytest.raises(BadBusMessage, match="link poses"):
             model.readings(replace(run[1], vehicles={}))
         assert model.settled_tick() == -1
         assert len(taken(model, run[2:])[""]) == 1

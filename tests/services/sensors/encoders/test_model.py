@@ -14,7 +14,7 @@ from groundlink.loader.document import read
 from groundlink.loader.explain import convert
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages import base as messages
-from groundlink.messages.base import BadMessage, State, encode
+from groundlink.messages.base import BadBusMessage, State, encode
 from groundlink.scenario import sensors
 from groundlink.scenario.vehicle import VehicleModel
 from services.sensors.encoders.model import EncodersModel
@@ -156,7 +156,7 @@ def test_a_state_without_the_wheels_is_refused() -> None:
     (state,) = turned([0.0])
     (other,) = states(np.zeros((1, 3)), joint_positions=[[0.0]])
     for vehicles, count in (({}, 0), (other.vehicles, 1)):
-        with pytest.raises(BadMessage, match=f"tick 0: {count} joint positions of `rover`"):
+        with pytest.raises(BadBusMessage, match=f"tick 0: {count} joint positions of `rover`"):
             encoders().readings(replace(state, vehicles=vehicles))
 
 

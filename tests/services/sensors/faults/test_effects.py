@@ -12,7 +12,7 @@ import pymap3d
 import pytest
 from scipy import stats
 
-from groundlink.messages.base import Imu, Message, PointCloud, Reading, State, WheelEncoders
+from groundlink.messages.base import BusMessage, Imu, PointCloud, Reading, State, WheelEncoders
 from groundlink.messages.imagery import LaserScan, Range
 from groundlink.messages.navigation import NavSatFix, Odometry
 from groundlink.scenario.faults import (
@@ -206,11 +206,11 @@ def test_a_covered_sector_of_a_scan_meets_nothing() -> None:
 ALL = [pytest.param(m, id=m.__name__) for m in READINGS]
 
 
-def taken(message: type[Reading], *faults: Fault, ticks: int = 200) -> list[tuple[int, Message]]:
+def taken(message: type[Reading], *faults: Fault, ticks: int = 200) -> list[tuple[int, BusMessage]]:
     return changed(faulty(Counts(READINGS[message]), message, *faults), ticks)
 
 
-def numbers(run: list[tuple[int, Message]]) -> list[int]:
+def numbers(run: list[tuple[int, BusMessage]]) -> list[int]:
     return [int(message.frame) for _, message in run]  # type: ignore[attr-defined]
 
 
@@ -286,7 +286,7 @@ def test_a_lower_rate_begins_with_its_first_reading_however_they_are_spaced() ->
     class Bursts(Counts):
         """Three readings, then none for as long, as of a scanner that looks ahead in blocks."""
 
-        def readings(self, state: State) -> Iterator[Message]:
+        def readings(self, state: State) -> Iterator[BusMessage]:
             return (r for r in super().readings(state) if round(100 * seconds(r)) % 6 < 3)
 
     model = faulty(Bursts(READINGS[LaserScan]), LaserScan, RateChange(rate_hz=40.0, at_s=0.1))

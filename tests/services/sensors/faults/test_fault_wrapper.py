@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from groundlink.core.clock import TICK_NANOS
-from groundlink.messages.base import Imu, Message, PointCloud, State, WheelEncoders
+from groundlink.messages.base import BusMessage, Imu, PointCloud, State, WheelEncoders
 from groundlink.messages.imagery import CameraInfo, CompressedImage
 from groundlink.messages.reading_schedule import Events
 from groundlink.scenario import sensors
@@ -74,13 +74,13 @@ def run() -> list[State]:
 STATES = run()
 
 
-def imu() -> tuple[SensorModel, type[Message]]:
+def imu() -> tuple[SensorModel, type[BusMessage]]:
     made = scenario()
-    spec = sensors.Imu(name="imu", topic="/imu", frame="imu", rate_hz=130.0)
+    spec = sensors.InertialUnit(name="imu", topic="/imu", frame="imu", rate_hz=130.0)
     return ImuModel(made, made.vehicles[0], spec), Imu
 
 
-def encoders() -> tuple[SensorModel, type[Message]]:
+def encoders() -> tuple[SensorModel, type[BusMessage]]:
     made = scenario()
     spec = sensors.Encoders(
         *("encoders", "/wheels", "base"), missed_ticks=0.2, resets_s=(1.0,), rate_hz=60.0
@@ -88,7 +88,7 @@ def encoders() -> tuple[SensorModel, type[Message]]:
     return EncodersModel(made, made.vehicles[0], spec), WheelEncoders
 
 
-def lidar() -> tuple[SensorModel, type[Message]]:
+def lidar() -> tuple[SensorModel, type[BusMessage]]:
     return Counts(READINGS[PointCloud], 10.0, takes_ticks=40), PointCloud
 
 
@@ -96,14 +96,14 @@ KINDS = {"imu": imu, "encoders": encoders, "lidar": lidar}
 
 
 def model(
-    kind: Callable[[], tuple[SensorModel, type[Message]]], faults: tuple[Fault, ...]
+    kind: Callable[[], tuple[SensorModel, type[BusMessage]]], faults: tuple[Fault, ...]
 ) -> FaultWrapper:
     inner, message = kind()
     return faulty(inner, message, *faults)
 
 
 def played(
-    kind: Callable[[], tuple[SensorModel, type[Message]]],
+    kind: Callable[[], tuple[SensorModel, type[BusMessage]]],
     faults: tuple[Fault, ...],
     crashes: tuple[int, ...] = (),
 ) -> list[tuple[int, bytes]]:
@@ -112,7 +112,7 @@ def played(
 
 
 def line_of(
-    kind: Callable[[], tuple[SensorModel, type[Message]]],
+    kind: Callable[[], tuple[SensorModel, type[BusMessage]]],
     faults: tuple[Fault, ...],
     crashes: tuple[int, ...] = (),
     calendar: Events | None = None,
@@ -200,7 +200,7 @@ class Films(Counts):
     def __init__(self) -> None:
         super().__init__(READINGS[CompressedImage], 40.0)
 
-    def readings(self, state: State) -> Iterator[Message | StreamMessage]:  # type: ignore[override]
+    def readings(self, state: State) -> Iterator[BusMessage | StreamMessage]:  # type: ignore[override]
         for picture in super().readings(state):
             stamp_nanos: int = picture.stamp_nanos  # type: ignore[attr-defined]
             yield StreamMessage("camera_info", stamped(READINGS[CameraInfo], stamp_nanos))
@@ -217,7 +217,7 @@ def test_the_streams_of_a_sensor_fail_as_one(fault: Fault) -> None:
             streams=RandomStreams(1, "rover/camera"),
         )
 
-    def said(model: FaultWrapper, states: list[State]) -> list[tuple[int, str, Message]]:
+    def said(model: FaultWrapper, states: list[State]) -> list[tuple[int, str, BusMessage]]:
         return [
             (s.tick, *stream_and_message(made))
             for s in states

@@ -7,8 +7,8 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from groundlink.messages.base import Imu, Message
-from groundlink.messages.faults import CLEAR, FaultAnswer, Faults
+from groundlink.messages.base import BusMessage, Imu
+from groundlink.run.fault_messages import CLEAR, FaultAnswer, Faults
 from groundlink.scenario import sensors
 from groundlink.scenario.faults import Bias, Fault, NoiseBurst, Off, RateChange, Stuck
 from services.sensors.faults.live import LiveFaults
@@ -28,7 +28,7 @@ class Bench:
             process,
             self.model,
             vehicle=scenario().vehicles[0],
-            spec=sensors.Imu(name="imu", topic="/imu", frame="imu", rate_hz=100.0),
+            spec=sensors.InertialUnit(name="imu", topic="/imu", frame="imu", rate_hz=100.0),
             report=self.told.append,
             acknowledge=process.tell_progress,
         )
@@ -158,4 +158,4 @@ def test_a_new_life_of_physics_begins_without_live_faults() -> None:
     kinds = [[fault.kind for fault in told.active] for told in bench.told]
     assert kinds == [["bias"], ["bias", "stuck"], ["bias"]]
     assert (bench.told[2].tick, bench.told[2].stamp_nanos) == (20, 7 + 20 * 2_500_000)
-    assert isinstance(bench.told[2], Message)
+    assert isinstance(bench.told[2], BusMessage)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from groundlink.core.errors import UserError
-from groundlink.messages.base import BadMessage, State, encode, floats
+from groundlink.messages.base import BadBusMessage, State, encode, floats
 from groundlink.messages.navigation import NavSatFix
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Gnss, Mount, PositionNoise
@@ -323,7 +323,7 @@ def test_a_successor_from_the_settled_tick_on_leaves_out_nothing(
 def test_a_state_without_the_vehicle_is_refused(sky_view: bool) -> None:
     (state,) = resting(1)
     model = receiver(sky_view=sky_view)
-    with pytest.raises(BadMessage, match="tick 0: no link poses of `rover`"):
+    with pytest.raises(BadBusMessage, match="tick 0: no link poses of `rover`"):
         model.readings(replace(state, vehicles={}))
     assert model.settled_tick() == -1
     assert len(model.readings(state)) == 1

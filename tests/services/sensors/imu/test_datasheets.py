@@ -11,16 +11,16 @@ from msgspec.structs import replace
 
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
-from groundlink.scenario.sensors import Imu
+from groundlink.scenario.sensors import InertialUnit
 
 SHEETS = sorted((SHIPPED / "sensors").glob("imu_*.yaml"))
 
 
-def read(name: str, **changed: Any) -> Imu:
+def read(name: str, **changed: Any) -> InertialUnit:
     sheet: dict[str, Any] = yaml.safe_load((SHIPPED / "sensors" / f"{name}.yaml").read_text())
     place = {"name": "imu", "topic": "/imu", "frame": "imu_link"}
     assert not place.keys() & sheet.keys()
-    return replace(msgspec.convert(sheet | place, Imu), **changed)
+    return replace(msgspec.convert(sheet | place, InertialUnit), **changed)
 
 
 @pytest.mark.parametrize("name", [sheet.stem for sheet in SHEETS])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from groundlink.messages import base as messages
-from groundlink.messages.base import BadMessage, State, encode
+from groundlink.messages.base import BadBusMessage, State, encode
 from groundlink.scenario import sensors
 from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
 from groundlink.scenario.sensors import Mount
@@ -33,7 +33,7 @@ NOISY: dict[str, Any] = {
 
 def imu(*, seed: int = 1, name: str = "imu", frame_prefix: str = "", **fields: Any) -> ImuModel:
     run = scenario(seed=seed, frame_prefix=frame_prefix)
-    spec = sensors.Imu(name=name, topic="/imu", frame="imu_link", **fields)
+    spec = sensors.InertialUnit(name=name, topic="/imu", frame="imu_link", **fields)
     return ImuModel(run, run.vehicles[0], spec)
 
 
@@ -281,7 +281,7 @@ def test_a_state_without_the_vehicle_is_refused() -> None:
     (state,) = states(np.zeros((1, 3)))
     empty = replace(state.vehicles["rover"], link_poses=memoryview(b""))
     for vehicles in ({}, {"rover": empty}):
-        with pytest.raises(BadMessage, match="state of tick 0: no link poses of `rover`"):
+        with pytest.raises(BadBusMessage, match="state of tick 0: no link poses of `rover`"):
             imu().readings(replace(state, vehicles=vehicles))
 
 

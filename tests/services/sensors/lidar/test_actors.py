@@ -10,11 +10,11 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_SECONDS
-from groundlink.messages.base import BadMessage, PointCloud, State, packed
+from groundlink.messages.base import BadBusMessage, PointCloud, State, packed
 from groundlink.scenario.schema import Scenario
+from groundlink.scene.bodies import link_bodies
 from groundlink.world.actor_motion import mover
 from groundlink.world.actors import Actor, PartsForm, PathMotion
-from groundlink.world.bodies import link_bodies
 from groundlink.world.solids import Box, Solid
 from services.sensors.rays.replica import Replica
 
@@ -67,7 +67,7 @@ def test_a_body_of_a_state_that_lacks_actors_is_refused() -> None:
     made = room(board())
     replica = Replica(made, made.vehicles[0], (0.0, 0.0, 0.5))
     (state,) = rooms.states(made, rooms.at_rest, 1)
-    with pytest.raises(BadMessage, match="1 link poses of `actors`"):
+    with pytest.raises(BadBusMessage, match="1 link poses of `actors`"):
         replica.take(state)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from groundlink.messages.base import POINT, BadMessage
+from groundlink.messages.base import POINT, BadBusMessage
 
 from . import rooms
 
@@ -202,7 +202,7 @@ def test_a_state_that_lacks_links_restarts_the_model() -> None:
     for state in rooms.states(made, rooms.at_rest, 121):
         if state.tick == 20:
             (broken,) = rooms.states(made, rooms.at_rest, 1, first_tick=20, links=2)
-            with pytest.raises(BadMessage):
+            with pytest.raises(BadBusMessage):
                 model.readings(broken)
         else:
             seen += model.readings(state)

@@ -16,9 +16,9 @@ import pytest
 
 from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy
 from groundlink.scenario.schema import Placement, Scenario
-from groundlink.world.build import solids
+from groundlink.scene.build import solids
+from groundlink.scene.vehicle_links import link_solids
 from groundlink.world.triangles import Triangles, merged
-from groundlink.world.vehicle_links import link_solids
 from services.sensors.rays import scene
 from services.sensors.rays.builtin import BuiltinEngine
 from services.sensors.rays.embree import EmbreeEngine

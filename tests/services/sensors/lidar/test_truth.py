@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from groundlink.messages.base import POINT, PointCloud
 from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
 from groundlink.scenario.schema import Scenario
-from groundlink.world.bodies import NO_BODY, body_names
-from groundlink.world.build import solids
+from groundlink.scene.bodies import NO_BODY, body_names
+from groundlink.scene.build import solids
 from groundlink.world.weather import Weather
 from services.sensors.runtime.model import stream_and_message
 

@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 from scipy import stats
 
-from groundlink.messages.base import BadMessage, encode
+from groundlink.messages.base import BadBusMessage, encode
 from groundlink.ros.cdr import to_cdr
 from groundlink.ros.message_sizes import body_bytes, fitting_block_deg
 from groundlink.ros.types import STORE
@@ -219,7 +219,7 @@ def test_a_state_without_the_vehicle_is_refused() -> None:
     made = planes.scenario()
     model = planes.model(made)
     (state,) = rooms.states(made, rooms.at_rest, 1)
-    with pytest.raises(BadMessage, match="tick 0: expected 4 link poses of `rover`"):
+    with pytest.raises(BadBusMessage, match="tick 0: expected 4 link poses of `rover`"):
         model.readings(replace(state, vehicles={}))
     assert model.settled_tick() == -1
 

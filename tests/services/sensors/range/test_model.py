@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from scipy import stats
 
 from groundlink.core.frames import quaternion_from_rpy
-from groundlink.messages.base import BadMessage, State, encode
+from groundlink.messages.base import BadBusMessage, State, encode
 from groundlink.messages.imagery import Range
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Mount
@@ -233,7 +233,7 @@ def test_a_restart_goes_on_with_the_same_bytes(rate_hz: float, start: int) -> No
 def test_a_state_without_the_vehicle_is_refused() -> None:
     (state,) = resting(1)
     model = finder(yard(wall(2.0)))
-    with pytest.raises(BadMessage, match="tick 0: expected 3 link poses of `rover`"):
+    with pytest.raises(BadBusMessage, match="tick 0: expected 3 link poses of `rover`"):
         model.readings(replace(state, vehicles={}))
     assert model.settled_tick() == -1
     assert len(model.readings(state)) == 1

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from groundlink.messages.base import BadMessage
+from groundlink.messages.base import BadBusMessage
 from services.sensors.rays.replica import Replica
 from tests.services.sensors.lidar import rooms
 
@@ -82,7 +82,7 @@ def test_a_state_without_a_link_is_refused() -> None:
     scenario = rooms.scenario()
     made = Replica(scenario, scenario.vehicles[0], (0.0, 0.0, 0.5))
     (state,) = rooms.states(scenario, rooms.at_rest, 1, links=1)
-    with pytest.raises(BadMessage, match=r"tick 0: expected 4 link poses of `rover`"):
+    with pytest.raises(BadBusMessage, match=r"tick 0: expected 4 link poses of `rover`"):
         made.take(state)
 
 

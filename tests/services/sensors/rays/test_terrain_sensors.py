@@ -9,9 +9,9 @@ import pytest
 
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Mount
+from groundlink.scene.bodies import NO_BODY, body_names
+from groundlink.scene.build import solids
 from groundlink.world import assets
-from groundlink.world.bodies import NO_BODY, body_names
-from groundlink.world.build import solids
 from groundlink.world.solids import Material
 from groundlink.world.terrain import Terrain, encode_grid
 from services.sensors.rays.probe import RayProbe

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
 from groundlink.scenario import lenses
+from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.gl.target import ALL_LAYERS
 from services.sensors.rendering.look.mesh import VERTEX, Skin, SkinnedMesh
-from services.sensors.rendering.optics.pinhole import Pinhole
 from tests.services.sensors.rendering.gl.test_renderer import lit
 
 from . import test_calibration as calibration

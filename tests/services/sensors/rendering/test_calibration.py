@@ -14,11 +14,11 @@ from groundlink.core.frames import Floats, transform
 from groundlink.scenario import lenses
 from groundlink.scenario.schema import Scenario
 from services.sensors.noise.random_streams import RandomStreams
+from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.look.mesh import VERTEX, Skin, SkinnedMesh
 from services.sensors.rendering.optics.imager import Electronics
 from services.sensors.rendering.optics.lens import LensOptics
-from services.sensors.rendering.optics.pinhole import Pinhole
 from tests.services.sensors.rendering.gl.test_renderer import lit
 
 from . import views

@@ -11,9 +11,9 @@ from groundlink.core.frames import Floats
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from services.sensors.rays.replica import Replica
+from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.gl.target import ALL_LAYERS
-from services.sensors.rendering.optics.pinhole import Pinhole
 
 from . import views
 

@@ -13,8 +13,8 @@ from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import MOUNT_FROM_OPTICAL
+from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
-from services.sensors.rendering.optics.pinhole import Pinhole
 from services.sensors.runtime.world_replica import WorldReplica
 
 SMALL = Pinhole(160, 120, 120.0, 120.0, 79.5, 59.5)

@@ -10,7 +10,7 @@ import pytest
 
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ
 from groundlink.core.errors import UserError
-from groundlink.messages.base import Ack, Clock, Message, State
+from groundlink.messages.base import Ack, BusMessage, Clock, State
 from groundlink.messages.missing_readings import Gaps
 from groundlink.messages.reading_schedule import Events
 from services.sensors.runtime.model import Made
@@ -75,7 +75,7 @@ class Bench:
         self.model = model or EveryFortyTicks()
         self.asked: list[str] = []
         self.worlds = worlds
-        self.published: list[Message] = []
+        self.published: list[BusMessage] = []
         self.acks: list[Ack] = []
         self.told: list[Gaps] = []
         self.reconnects = 0

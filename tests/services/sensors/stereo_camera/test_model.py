@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.messages.base import Message, State, packed
+from groundlink.messages.base import BusMessage, State, packed
 from groundlink.messages.imagery import Image
 from groundlink.ros.message_sizes import body_bytes
 from groundlink.ros.streams import outgoing
@@ -48,14 +48,14 @@ def world() -> Scenario:
 
 def taken(run: list[State], made: Scenario, sensor: StereoCamera) -> dict[str, list[Any]]:
     model = StereoCameraModel(made, made.vehicles[0], sensor)
-    streams: dict[str, list[Message]] = {}
+    streams: dict[str, list[BusMessage]] = {}
     for state in run:
         for output, message in map(stream_and_message, model.readings(state)):
             streams.setdefault(output, []).append(message)
     return streams
 
 
-def pixels(message: Message) -> Any:
+def pixels(message: BusMessage) -> Any:
     assert isinstance(message, Image)
     shape = (message.height, message.width, -1)
     return np.frombuffer(message.data, np.uint8).reshape(shape).squeeze()

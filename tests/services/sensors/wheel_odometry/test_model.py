@@ -16,12 +16,20 @@ from scipy.spatial.transform import Rotation
 from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.messages.base import BadMessage, Command, Imu, State, VehicleState, encode, floats
+from groundlink.messages.base import (
+    BadBusMessage,
+    Command,
+    Imu,
+    State,
+    VehicleState,
+    encode,
+    floats,
+)
 from groundlink.messages.navigation import Odometry
 from groundlink.scenario import Scenario, sensors
-from groundlink.scenario.drives import Differential
+from groundlink.scenario.running_gear import Differential
 from groundlink.scenario.schema import Vehicle
-from groundlink.world.build import solids
+from groundlink.scene.build import solids
 from services.physics.simulation.simulation import Simulation
 from services.sensors.imu.model import ImuModel
 from services.sensors.runtime.model import RememberingModel
@@ -205,7 +213,7 @@ def test_counters_that_are_not_there_are_refused() -> None:
 
 def test_a_state_without_the_wheels_is_refused() -> None:
     (state,) = states(np.zeros((1, 3)))
-    with pytest.raises(BadMessage, match="0 joint positions of `rover`"):
+    with pytest.raises(BadBusMessage, match="0 joint positions of `rover`"):
         odometry().readings(state)
 
 
@@ -290,7 +298,9 @@ def drive(speed_mps: float, turn_radps: float, seconds: float, **told: Any) -> D
         name="odom", topic="/odom", frame="odom", encoders=encoders.name, **told
     )
     model = WheelOdometryModel(run, vehicle, spec)
-    imu = ImuModel(run, vehicle, sensors.Imu(name="imu", topic="/imu", frame="i", rate_hz=100))
+    imu = ImuModel(
+        run, vehicle, sensors.InertialUnit(name="imu", topic="/imu", frame="i", rate_hz=100)
+    )
     taken, felt, poses, speeds = [], [], [], []
     for state, truth in rolling(replace(run, vehicles=(vehicle,)), speed_mps, turn_radps, seconds):
         poses.append(truth.poses()[0])

@@ -19,10 +19,10 @@ from groundlink.world.terrain import Ground, load_ground
 from services.sensors.rays.replica import Replica
 from services.sensors.rendering.gl import ground_levels
 from services.sensors.rendering.gl.ground_levels import EXACT_M, HALF_PIXEL, SIDE, Levels
+from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.gl.target import ALL_LAYERS
 from services.sensors.rendering.look import ground_paint
-from services.sensors.rendering.optics.pinhole import Pinhole
 from tests.services.sensors.rays import grounds
 from tests.services.sensors.rendering import views
 from tests.services.sensors.rendering.hilly import hilly, waves

@@ -19,10 +19,10 @@ from groundlink.scenario.schema import Placement, Scenario
 from groundlink.world.light import Lamps, Sun
 from groundlink.world.solids import Material
 from groundlink.world.weather import Weather
+from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.gl.target import ALL_LAYERS
 from services.sensors.rendering.look.mesh import VERTEX, Skin, SkinnedMesh
-from services.sensors.rendering.optics.pinhole import Pinhole
 from tests.services.sensors.rendering import views
 from tests.services.sensors.yards import box, yard
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats
 from groundlink.scenario import lenses
+from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.target import Frame
 from services.sensors.rendering.optics.distortion import EDGE, MODELS
 from services.sensors.rendering.optics.lens import MOST_PIXELS, LensOptics
-from services.sensors.rendering.optics.pinhole import Pinhole
 
 PINHOLE = Pinhole(320, 240, 250.0, 245.0, 165.3, 117.8)
 BARREL = (-0.25, 0.06, 0.001, -0.002, -0.003)

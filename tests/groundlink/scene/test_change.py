@@ -16,14 +16,13 @@ from groundlink.loader import load
 from groundlink.loader.additions import KINDS, SpawnPlace, _placed, addition
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario import Scenario
-from groundlink.scenario.addition import Addition
-from groundlink.scenario.change import with_more, without
-from groundlink.scenario.schema import Placement
+from groundlink.scenario.schema import Addition, Placement
+from groundlink.scene.bodies import link_bodies
+from groundlink.scene.build import solids, world_hash
+from groundlink.scene.change import with_more, without
+from groundlink.scene.spawn_checks import vehicle_bodies
 from groundlink.world.actors import FreeMotion, PathMotion
-from groundlink.world.bodies import link_bodies
-from groundlink.world.build import solids, world_hash
 from groundlink.world.solids import Box, Solid
-from groundlink.world.spawn_checks import vehicle_bodies
 from groundlink.world.terrain import Ground
 
 FREE = SpawnPlace(0.0, 0.0)

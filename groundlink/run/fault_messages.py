@@ -11,9 +11,8 @@ from collections.abc import Mapping
 
 from msgspec import Struct
 
+from groundlink.messages.base import BusMessage
 from groundlink.scenario.faults import Fault
-
-from .base import Message
 
 COUNTER_PREFIX = "fault_"
 """Of the counters of a sensor that say how many faults of a kind are in effect."""
@@ -22,7 +21,7 @@ CLEAR = "clear"
 """Request that ends all active faults. An empty request is a query; any other is a fault."""
 
 
-class Faults(Message, frozen=True):
+class Faults(BusMessage, frozen=True):
     """The faults of one sensor, told when one begins or ends."""
 
     stamp_nanos: int

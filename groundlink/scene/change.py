@@ -13,22 +13,20 @@ import numpy as np
 from msgspec.structs import replace
 
 from groundlink.core.errors import UserError, did_you_mean
-from groundlink.world import actor_motion as motion
-from groundlink.world.actors import FreeMotion
-from groundlink.world.bounds import bounds
-from groundlink.world.build import solids
-from groundlink.world.solids import Solid
-from groundlink.world.spawn_checks import (
+from groundlink.scenario.schema import RESERVED_NAMES, Addition, Scenario
+from groundlink.scene.build import solids
+from groundlink.scene.spawn_checks import (
     actor_bodies,
     check_actor_path,
     check_vehicle,
     first_overlap,
     ground_of,
 )
+from groundlink.world import actor_motion as motion
+from groundlink.world.actors import FreeMotion
+from groundlink.world.bounds import bounds
+from groundlink.world.solids import Solid
 from groundlink.world.terrain import Ground
-
-from .addition import Addition
-from .schema import RESERVED_NAMES, Scenario
 
 RESTS_M = 0.01
 """How far what is put down may be in what it stands on."""

@@ -9,10 +9,10 @@ from msgspec.structs import replace
 
 from groundlink.core.frames import matrix_from_quaternion, rpy_from_matrix
 from groundlink.scenario.schema import Placement
-from groundlink.world.build import WorldError, solids
+from groundlink.scene.build import WorldError, solids
+from groundlink.scene.spawn_checks import check_spawns, floor_problem
+from groundlink.scene.spawn_pose import spawn_pose
 from groundlink.world.solids import Box, Solid
-from groundlink.world.spawn_checks import check_spawns, floor_problem
-from groundlink.world.spawn_pose import spawn_pose
 from groundlink.world.terrain import Terrain, load_ground
 from tests.services.physics.grounds import VEHICLES, shipped
 from tests.services.physics.terrains import hills, terrain, world

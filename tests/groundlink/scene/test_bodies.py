@@ -10,11 +10,11 @@ from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
+from groundlink.scene.bodies import body_names, link_bodies
+from groundlink.scene.build import WorldError, solids, world_hash
+from groundlink.scene.spawn_checks import check_spawns
 from groundlink.world.actors import Actor, CrateForm, FreeMotion
-from groundlink.world.bodies import body_names, link_bodies
-from groundlink.world.build import WorldError, solids, world_hash
 from groundlink.world.solids import Box, Solid
-from groundlink.world.spawn_checks import check_spawns
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 

@@ -8,20 +8,16 @@ below the ground. Physics, pictures and spawn checks use the same pose.
 from __future__ import annotations
 
 from math import atan, cos, radians, sin
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.frames import Floats, matrix_from_quaternion, quaternion_from_rpy
-
-from .bounds import bounds
-from .solids import Box, Solid
-from .terrain import Ground
-
-if TYPE_CHECKING:
-    from groundlink.scenario.schema import Vehicle
-    from groundlink.scenario.vehicle import VehicleModel
+from groundlink.scenario.schema import Vehicle
+from groundlink.scenario.vehicle import VehicleModel
+from groundlink.world.bounds import bounds
+from groundlink.world.solids import Box, Solid
+from groundlink.world.terrain import Ground
 
 SAMPLES = 9
 """Sample points along each side of a solid."""

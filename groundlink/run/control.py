@@ -11,7 +11,7 @@ from typing import Annotated
 
 import msgspec
 
-from groundlink.scenario.addition import Addition
+from groundlink.scenario.schema import Addition
 
 
 class _RunCommand(msgspec.Struct, frozen=True, tag_field="wish", forbid_unknown_fields=True):

@@ -7,12 +7,10 @@ A wheel without visuals of its own is a cylinder about the y axis of its link.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
-from .solids import Cylinder, Solid
-
-if TYPE_CHECKING:
-    from groundlink.scenario.vehicle import VehicleModel, Wheel
+from groundlink.scenario.running_gear import Wheel
+from groundlink.scenario.vehicle import VehicleModel
+from groundlink.world.solids import Cylinder, Solid
 
 _Y_FROM_Z = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 """Turns a cylinder's axis from z to y."""

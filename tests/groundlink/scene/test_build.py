@@ -18,18 +18,11 @@ from groundlink.core.frames import quaternion_from_rpy
 from groundlink.loader import load
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
+from groundlink.scene.build import STRIP_M, UnknownMaterial, WorldError, _strips, solids, world_hash
+from groundlink.scene.spawn_checks import check_spawns
 from groundlink.world.bounds import bounds, intersect, overlap
-from groundlink.world.build import (
-    STRIP_M,
-    UnknownMaterial,
-    WorldError,
-    _strips,
-    solids,
-    world_hash,
-)
 from groundlink.world.objects.indoor_specs import Clutter, Door, Room, Shelf, Table
 from groundlink.world.solids import Box, Cylinder, Material, Shape, Solid, Sphere
-from groundlink.world.spawn_checks import check_spawns
 
 LAB = Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"
 

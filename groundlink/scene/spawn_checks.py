@@ -8,27 +8,23 @@ yard would block the whole yard.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec.structs import replace
 
 from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.frames import multiply, transform
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.vehicle import VehicleModel
+from groundlink.world import actor_motion as motion
+from groundlink.world import terrain
+from groundlink.world.actors import Actor, form_solids
+from groundlink.world.bounds import bounds, intersect
+from groundlink.world.solids import Mesh, Solid
+from groundlink.world.terrain import Ground
 
-from . import actor_motion as motion
-from . import terrain
-from .actors import Actor, form_solids
-from .bounds import bounds, intersect
 from .build import WorldError
-from .solids import Mesh, Solid
 from .spawn_pose import collision_solids, spawn_pose
-from .terrain import Ground
-
-if TYPE_CHECKING:
-    from groundlink.scenario.schema import Scenario, Vehicle
-    from groundlink.scenario.vehicle import VehicleModel
-
 
 MAX_DROP_M = 5.0
 """Largest height of a spawn place above the ground; more is taken for a mistake."""

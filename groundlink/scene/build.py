@@ -11,13 +11,16 @@ import difflib
 import hashlib
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 from zlib import crc32
 
 import msgspec
 import numpy as np
 
 from groundlink.core.errors import UserError
+from groundlink.scenario.schema import Scenario
+from groundlink.world import terrain
+from groundlink.world.actors import CrateForm, DoorForm, Form, PartsForm, PersonForm
+from groundlink.world.bounds import Bounds, bounds
 from groundlink.world.objects.clutter import NoFreePlace, place_clutter
 from groundlink.world.objects.indoor_objects import (
     LocalFrame,
@@ -28,16 +31,10 @@ from groundlink.world.objects.indoor_objects import (
 )
 from groundlink.world.objects.indoor_specs import Room
 from groundlink.world.objects.outdoor_objects import build_outdoor_object
+from groundlink.world.solids import Box, Solid
 
-from . import terrain
-from .actors import CrateForm, DoorForm, Form, PartsForm, PersonForm
 from .bodies import link_bodies
-from .bounds import Bounds, bounds
-from .solids import Box, Solid
 from .spawn_pose import spawn_pose
-
-if TYPE_CHECKING:
-    from groundlink.scenario.schema import Scenario
 
 STRIP_M = 0.45
 """Width of the strip of floor along the walls where clutter may lie."""

@@ -12,13 +12,10 @@ A link is named `vehicle/link`; actors and solids have their own names. Names ar
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-from . import terrain
-from .solids import Solid
-
-if TYPE_CHECKING:
-    from groundlink.scenario.schema import Scenario
+from groundlink.scenario.schema import Scenario
+from groundlink.world import terrain
+from groundlink.world.solids import Solid
 
 NO_BODY = 2**32 - 1
 """Body number of hits on no body, such as rain and fog."""

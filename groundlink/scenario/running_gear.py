@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a vehicle is driven: by its sides, by tracks, or by steering like a car.
+"""Running gear: wheels, suspension, and the kinds of drives.
 
-Rule: one class a kind, the tag is the kind. Each says which of the wheels turn together on one
-shaft and which shafts have a motor; how wheels and ground then move is the business of physics.
+One class a kind of drive; its tag is the kind. A drive says which wheels share a shaft and which
+shafts have a motor. Physics computes how wheels and ground move.
 """
 
 from __future__ import annotations
@@ -10,16 +10,70 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import radians, tan
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from groundlink.core.fields import Fraction01, NonNegative, Positive, Spec
+from groundlink.core.fields import Fraction01, NonNegative, Positive, Spec, Vector3
+from groundlink.world.solids import Solid
 
-if TYPE_CHECKING:
-    from .vehicle import Wheel
+from .every_sensor import Name
 
 LEFT_TRACK, RIGHT_TRACK = "left_track", "right_track"
+
+
+class Suspension(Spec, frozen=True):
+    """A spring and damper that carries one wheel along the base's z."""
+
+    travel_m: Positive = 0.06
+    """To each side of the loaded rest."""
+
+    stiffness_npm: Positive = 8000.0
+    damping_nspm: Positive = 500.0
+
+
+class Wheel(Spec, frozen=True, kw_only=True):
+    """One wheel; its joint is `<name>`, its link `<name>_link`."""
+
+    name: Name
+    center_m: Vector3
+    """In the base frame, springs at their loaded rest."""
+
+    radius_m: Positive
+    width_m: Positive
+    mass_kg: Positive
+    inertia_kgm2: Positive | None = None
+    """About its axle; none: that of the uniform cylinder."""
+
+    friction: NonNegative = 0.8
+    axle_friction_ratio: Fraction01 = 1.0
+    """Friction along the axle as a share of that in rolling direction: less skids round easier,
+    and sideways down a slope."""
+
+    restitution: Fraction01 = 0.0
+    rolling_resistance: NonNegative = 0.0
+    """Force against rolling as a share of the load."""
+
+    axle_damping_nmsprad: NonNegative = 0.0
+    """Torque of the bearing against the turning wheel, for each rad/s."""
+
+    caster: bool = False
+    """Never driven or braked: a ball that slides in every direction, by `friction`, as a wheel does
+    that swivels freely. A few hundredths stand for its rolling resistance."""
+
+    suspension: Suspension | None = None
+    """None: the vehicle's. There is always one: where the real wheel has no spring, its tire."""
+
+    material: str = "rubber"
+    """What it looks like: a cylinder of radius and width about its axle, the link's y."""
+
+    visuals: tuple[Solid, ...] = ()
+    """What it looks like if not that, in its link's frame."""
+
+    @property
+    def axle_inertia_kgm2(self) -> float:
+        """Moment of inertia about the axle."""
+        return self.inertia_kgm2 or self.mass_kg * self.radius_m**2 / 2
 
 
 @dataclass(frozen=True)
