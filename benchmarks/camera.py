@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A picture against PyBullet's two renderers: `python -m benchmarks.camera`.
 
-Rule: the same room through the same pinhole from the same places, colour and depth read back, turn
+Rule: the same room through the same pinhole from the same places, color and depth read back, turn
 by turn, each in a process of its own, as PyBullet's EGL bears no other OpenGL beside it. Ours has
 textures and the shadows of two lamps and of a vehicle that moves with every picture; PyBullet draws
-plain colours, TinyRenderer with its shadow, EGL without, as it has none, both without a
+plain colors, TinyRenderer with its shadow, EGL without, as it has none, both without a
 segmentation mask, and nothing moves there. PyBullet has one sample a pixel and jagged edges, as
 `groundlink_jagged` has; `groundlink` has the four that are the default. `groundlink_lens` has
 distortion, chromatic aberration, vignetting, depth of field and noise besides, and a JPEG. Figures
@@ -111,9 +111,9 @@ class Ours:
 
     def draw_and_compress(self, number: int) -> None:
         """Do so, with what lens and sensor add, and make a JPEG of it."""
-        colour = self._lens.seen(self._picture(number)).colour
-        colour = self._electronics.read(colour, number)
-        jpeg(0, "", colour, grey=False, quality=self._camera.jpeg_quality)
+        color = self._lens.seen(self._picture(number)).color
+        color = self._electronics.read(color, number)
+        jpeg(0, "", color, gray=False, quality=self._camera.jpeg_quality)
 
 
 class Rival:
@@ -142,9 +142,9 @@ class Rival:
         )
         assert plugin >= 0
 
-    def _add(self, solid: Solid, world_from_frame: Floats, colour: tuple[float, ...]) -> None:
+    def _add(self, solid: Solid, world_from_frame: Floats, color: tuple[float, ...]) -> None:
         client = {"physicsClientId": self._client}
-        look = {"rgbaColor": [*np.sqrt(colour).tolist(), 1.0], **client}
+        look = {"rgbaColor": [*np.sqrt(color).tolist(), 1.0], **client}
         match solid.shape:
             case Box(size_m=size):
                 half = [length / 2 for length in size]
@@ -265,7 +265,7 @@ def main() -> int:
     for one in painters.values():
         one.end()
     medians = {way: np.median(times[WARM_UP:], axis=0) for way, times in spent.items()}
-    print(f"camera {options.size}, colour and depth, {options.rounds} pictures each")
+    print(f"camera {options.size}, color and depth, {options.rounds} pictures each")
     for way, (wall_ms, cpu_ms) in medians.items():
         print(f"  {way:16} cpu_ms={cpu_ms:.1f} wall_ms={wall_ms:.1f}")
     claims = []

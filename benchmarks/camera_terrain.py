@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures of a terrain against those of the laboratory: `python -m benchmarks.camera_terrain`.
 
-Rule: 640 x 480, colour and depth, no lens, turn by turn in one process; the terrain is hills of
+Rule: 640 x 480, color and depth, no lens, turn by turn in one process; the terrain is hills of
 15 x 15 km in cells of 10 m, with four materials. Figures are medians over places of the processor's
 time over all threads; `start` is from the world's data to the first picture, `memory` what that
 adds, the same for both worlds but for what they are made of.

@@ -65,7 +65,7 @@ def test_imports_run_one_way() -> None:
     run("-c", path + "from importlinter.cli import lint_imports_command as run; run()")
 
 
-def test_every_file_names_its_licence() -> None:
+def test_every_file_names_its_license() -> None:
     line = "# SPDX-License-Identifier: Apache-2.0"
     without = [file for file in FILES if read(file).partition("\n")[0] != line]
     assert without == []

@@ -80,13 +80,13 @@ def test_a_lidar_sees_the_walls_and_the_holes(room: Scenario) -> None:
 def test_a_camera_sees_the_picture(room: Scenario) -> None:
     """The squares of the poster are where they are painted, red and white."""
     made = views.renderer(room, Pinhole(320, 240, 250.0, 250.0, 159.5, 119.5))
-    colour = made.draw(views.looking((2.0, 0.0, 1.4), yaw_deg=90.0)).colour.astype(int)
+    color = made.draw(views.looking((2.0, 0.0, 1.4), yaw_deg=90.0)).color.astype(int)
     (left, _), (low, high) = scanned_room.POSTER_M
     for row in range(4):
         for column in range(4):
             x, z = left + 0.25 * (column + 0.5), high - 0.25 * (row + 0.5)
             u, v = 159.5 + 250 * (x - 2.0) / 3.0, 119.5 - 250 * (z - 1.4) / 3.0
-            red, green, _ = colour[round(v), round(u)].tolist()
+            red, green, _ = color[round(v), round(u)].tolist()
             is_red = red > 2 * green
             assert is_red == ((row + column) % 2 == 0), (row, column, red, green)
     assert low < high

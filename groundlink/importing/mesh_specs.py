@@ -15,7 +15,7 @@ class MeshFile(Spec, frozen=True, kw_only=True, tag_field="kind", tag="mesh"):
 
     file: str
     scale: Positive = 1.0
-    """Metres in a unit of the file: 0.001 for millimeters."""
+    """Meters in a unit of the file: 0.001 for millimeters."""
 
     up: Literal["y", "z"] | None = None
     """Up axis of the file; None: y for glTF, z for other formats. With y, the mesh is turned by 90

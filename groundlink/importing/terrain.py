@@ -97,7 +97,7 @@ def build(spec: TerrainSpec, folder: Path, warn: Warn) -> Terrain:
 def _from_file(spec: HeightmapFile, file: Path, warn: Warn) -> tuple[NDArray[np.float32], float]:
     """Return a file's heights with gaps filled, and the length of a cell."""
     found = heightmaps.read(file, warn)
-    heights = _metres(found, spec, file, warn)
+    heights = _meters(found, spec, file, warn)
     cell_m = _cell_m(found, spec, file)
     if np.isinf(heights).any():
         raise BadFile(f"{file}: heights that are infinite; mend it or mark them as no data")
@@ -115,7 +115,7 @@ def _from_file(spec: HeightmapFile, file: Path, warn: Warn) -> tuple[NDArray[np.
     return heights, cell_m
 
 
-def _metres(
+def _meters(
     found: heightmaps.Heightmap, spec: HeightmapFile, file: Path, warn: Warn
 ) -> NDArray[np.float32]:
     """Return a map's values in meters, as a copy."""

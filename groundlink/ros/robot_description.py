@@ -45,13 +45,13 @@ def urdf(
     materials
         what the world has beside the model's own.
     """
-    colours = model.materials | materials
+    colors = model.materials | materials
     robot = Element("robot", name=model.name)
     base = _sub(robot, "link", name=model.base_frame)
     chassis = model.chassis
     box = Solid("chassis", Box(size_m=chassis.size_m), "", chassis.center_m)
     for solid in model.visuals or (box,):
-        _show(base, "visual", solid, colours)
+        _show(base, "visual", solid, colors)
     for solid in (*((box,) if chassis.collides else ()), *model.collisions):
         _show(base, "collision", solid, {})
     for wheel in model.wheels:
@@ -59,12 +59,12 @@ def urdf(
         roller = Cylinder(radius_m=wheel.radius_m, length_m=wheel.width_m)
         tread = Solid(wheel.name, roller, wheel.material, orientation=_ACROSS)
         for solid in wheel.visuals or (tread,):
-            _show(link, "visual", solid, colours)
+            _show(link, "visual", solid, colors)
         _show(link, "collision", tread, {})
     for part in model.joints:
         link = _part(robot, model.base_frame, part)
         for solid in part.visuals:
-            _show(link, "visual", solid, colours)
+            _show(link, "visual", solid, colors)
     for mount in mounts:
         joint = _sub(robot, "joint", name=f"{mount.child}_joint", type="fixed")
         _sub(joint, "parent", link=mount.parent)
@@ -101,7 +101,7 @@ def _part(robot: Element, base: str, part: Joint) -> Element:
     return _sub(robot, "link", name=f"{part.name}_link")
 
 
-def _show(link: Element, tag: str, solid: Solid, colours: dict[str, Material]) -> None:
+def _show(link: Element, tag: str, solid: Solid, colors: dict[str, Material]) -> None:
     """Add a solid, coloured where its material is known."""
     at, shape = solid.position_m, solid.shape
     if isinstance(shape, Mesh):
@@ -115,10 +115,10 @@ def _show(link: Element, tag: str, solid: Solid, colours: dict[str, Material]) -
     element = _sub(link, tag)
     _origin(element, at, solid.orientation)
     _geometry(_sub(element, "geometry"), shape)
-    if colour := colours.get(solid.material):
+    if color := colors.get(solid.material):
         material = _sub(element, "material", name=solid.material)
         # Linear light as screens take it: gamma 2.2.
-        screen = [component ** (1 / 2.2) for component in colour.color]
+        screen = [component ** (1 / 2.2) for component in color.color]
         _sub(material, "color", rgba=_text(*screen, 1.0))
 
 

@@ -24,14 +24,14 @@ from .colors import RAINBOW
 from .drawing import Drawing, Track
 from .point_placement import points_in_world
 
-ColourModel = Literal["RGB", "BGR", "RGBA", "BGRA", "L"]
+ColorModel = Literal["RGB", "BGR", "RGBA", "BGRA", "L"]
 
 IMAGE_PLANE_M = 0.6
 """Distance of an image in front of its camera in the 3D view."""
 
 SCAN_COLOR = (255, 90, 90)
 
-_COLOURS: dict[str, tuple[ColourModel, type[np.unsignedinteger[Any]]]] = {
+_COLORS: dict[str, tuple[ColorModel, type[np.unsignedinteger[Any]]]] = {
     "rgb8": ("RGB", np.uint8),
     "bgr8": ("BGR", np.uint8),
     "rgba8": ("RGBA", np.uint8),
@@ -55,8 +55,8 @@ def image(drawing: Drawing, track: Track, path: str, message: Image) -> None:
         dtype, meter = _DEPTHS[message.encoding]
         depth = rr.DepthImage(_pixels(message, 1, dtype), meter=meter, point_fill_ratio=0.4)
         _show(drawing, path, message, depth)
-    elif message.encoding in _COLOURS:
-        model, dtype = _COLOURS[message.encoding]
+    elif message.encoding in _COLORS:
+        model, dtype = _COLORS[message.encoding]
         pixels = _pixels(message, len(model), dtype)
         _show(drawing, path, message, rr.Image(pixels, color_model=model))
     else:

@@ -39,8 +39,8 @@ def pixels(picture: Path) -> NDArray[np.uint8]:
     return np.round(255 * imread(picture)[:, :, :3]).astype(np.uint8)
 
 
-def colours(image: NDArray[np.uint8]) -> dict[str, int]:
-    """Return how many pixels there are of each colour, as `#rrggbb`: the histogram."""
+def colors(image: NDArray[np.uint8]) -> dict[str, int]:
+    """Return how many pixels there are of each color, as `#rrggbb`: the histogram."""
     codes = image.reshape(-1, 3).astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
     found, counts = np.unique(codes, return_counts=True)
     return {f"#{code:06x}": int(n) for code, n in zip(found.tolist(), counts, strict=True)}
@@ -49,8 +49,8 @@ def colours(image: NDArray[np.uint8]) -> dict[str, int]:
 def assert_not_blank(image: NDArray[np.uint8], *, bands: int = 4) -> None:
     """Fail where a picture, or a band of it from side to side, has next to nothing on it."""
     for number, band in enumerate(np.array_split(image, bands)):
-        histogram = colours(band)
+        histogram = colors(band)
         background = max(histogram.values())
         share = 1 - background / (band.shape[0] * band.shape[1])
         assert share > 0.01, f"band {number} of {bands} is blank: {share:.2%} drawn"
-        assert len(histogram) > 20, f"band {number} of {bands}: {len(histogram)} colours"
+        assert len(histogram) > 20, f"band {number} of {bands}: {len(histogram)} colors"

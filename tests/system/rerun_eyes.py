@@ -90,7 +90,7 @@ def _client(port: int) -> ViewerClient | None:
     return client
 
 
-def share_of(picture: NDArray[np.uint8], colour: tuple[int, int, int], tolerance: int) -> float:
-    """Return the share of pixels that are near a colour."""
-    away = np.abs(picture.astype(np.int16) - np.array(colour, np.int16)).max(axis=-1)
+def share_of(picture: NDArray[np.uint8], color: tuple[int, int, int], tolerance: int) -> float:
+    """Return the share of pixels that are near a color."""
+    away = np.abs(picture.astype(np.int16) - np.array(color, np.int16)).max(axis=-1)
     return float((away <= tolerance).mean())

@@ -99,7 +99,7 @@ def test_fixes_sentences_and_distances_come_from_real_processes(outdoors: Rig) -
         sensor(it, "range", "sonar")
         sensor(it, "range", "tof")
 
-        # 10 Hz from the start, the first two seconds without a fix; then centimetres.
+        # 10 Hz from the start, the first two seconds without a fix; then centimeters.
         first = taken(fixes, 40)
         assert [fix.stamp_nanos for fix in first] == [i * 100_000_000 for i in range(40)]
         assert [fix.status for fix in first] == [-1] * 20 + [2] * 20

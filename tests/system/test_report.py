@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from .browser import assert_not_blank, colours, pixels, screenshot
+from .browser import assert_not_blank, colors, pixels, screenshot
 from .rig import REPOSITORY, free_port
 
 pytestmark = pytest.mark.system
@@ -43,7 +43,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def palette(page: Path, *, dark: bool) -> dict[str, str]:
-    """Return the page's colours by name, as its style sheet has them for light or for dark."""
+    """Return the page's colors by name, as its style sheet has them for light or for dark."""
     light_part, _, dark_part = page.read_text(encoding="utf-8").partition("prefers-color-scheme")
     found = re.findall(r"--([a-z]+): (#[0-9a-f]{6})", dark_part if dark else light_part)
     return dict(found)
@@ -54,7 +54,7 @@ def test_there_is_something_on_the_page(page: Path, tmp_path: Path, dark: bool) 
     picture = screenshot(page, tmp_path / "page.png", width=WIDTH, height=HEIGHT, dark=dark)
     image = pixels(picture)
     assert_not_blank(image)
-    histogram, names = colours(image), palette(page, dark=dark)
+    histogram, names = colors(image), palette(page, dark=dark)
     assert max(histogram, key=histogram.__getitem__) == names["body"]
     # The room's walls, its furniture, the lines of speed and energy, the bars of rates.
     for name, least in (("wall", 4000), ("furniture", 5_000), ("blue", 800), ("green", 20_000)):

@@ -135,7 +135,7 @@ def test_everybody_takes_part(running: Running, operator: Bus) -> None:
         "fault rover/imu drop share=0.5 --for 0.2",
         f"link --run {RUN} --set to_ros.delay_ms=1",
         "top --once",
-        "spawn box --at 3.5,0.4",  # a metre from the way of the rover
+        "spawn box --at 3.5,0.4",  # a meter from the way of the rover
     ],
 )
 def test_the_operator_may_do_all(running: Running, words: str) -> None:

@@ -42,11 +42,11 @@ def test_a_snapshot_is_four_files_and_always_the_same(tmp_path: Path) -> None:
         ]
         taken.append([file.read_bytes() for file in files])
     assert taken[0] == taken[1]
-    colour = cv2.imread(str(files[0]))
-    assert colour is not None
-    assert colour.shape == (480, 640, 3)
-    assert 60 < colour.mean() < 200
-    assert colour.std() > 20
+    color = cv2.imread(str(files[0]))
+    assert color is not None
+    assert color.shape == (480, 640, 3)
+    assert 60 < color.mean() < 200
+    assert color.std() > 20
     things = json.loads(files[3].read_text(encoding="utf-8")).values()
     assert {"floor", "wall", "table", "pillar"} <= {thing["class"] for thing in things}
 

@@ -36,7 +36,7 @@ from .rig import Rig, children_of, free_port, rig, wait_for
 pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(240)]
 
 TRUTH = (90, 220, 255)
-"""Colour of the true trajectory, as services/view/rerun_view.py draws it."""
+"""Color of the true trajectory, as services/view/rerun_view.py draws it."""
 
 
 OF_THE_STACK = "from_ros: {pose: /pose, map: /map}"
@@ -125,7 +125,7 @@ def _listens(it: Rig) -> bool:
 
 
 def test_the_picture_of_a_live_run_is_not_blank(running: Running, tmp_path: Path) -> None:
-    """Live, by the way of the web viewer's server; the colours that must be there are there."""
+    """Live, by the way of the web viewer's server; the colors that must be there are there."""
     need_vulkan()
     port = free_port(socket.SOCK_STREAM)
     viewer = running.view("--web", "--port", str(port), log="web.log")
@@ -139,7 +139,7 @@ def test_the_picture_of_a_live_run_is_not_blank(running: Running, tmp_path: Path
         assert seen.reports() == []
     assert len(np.unique(world.reshape(-1, 3), axis=0)) > 1000
     _, counts = np.unique(world.reshape(-1, 3), axis=0, return_counts=True)
-    assert counts.max() < 0.6 * counts.sum(), "one colour is most of the picture"
+    assert counts.max() < 0.6 * counts.sum(), "one color is most of the picture"
     assert share_of(world, TRUTH, 12) > 2e-4, "the trajectory is drawn"
     assert _cloud_share(world) > 2e-3, "the cloud is drawn"
     assert (text.max(axis=-1) > 200).mean() > 2e-3, "the text is there"
@@ -159,7 +159,7 @@ def _world(seen: Eyes) -> NDArray[np.uint8]:
 
 
 def _cloud_share(world: NDArray[np.uint8]) -> float:
-    """Return the share of pixels in the colours of walls as a LiDAR sees them."""
+    """Return the share of pixels in the colors of walls as a LiDAR sees them."""
     return share_of(world, (240, 200, 60), 30) + share_of(world, (100, 215, 110), 40)
 
 

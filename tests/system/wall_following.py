@@ -22,7 +22,7 @@ WALL_M, AHEAD_M = 1.0, 1.3
 
 
 class Scan(NamedTuple):
-    """A planar scan: angles in rad, counterclockwise from the front; ranges in metres."""
+    """A planar scan: angles in rad, counterclockwise from the front; ranges in meters."""
 
     stamp_nanos: int
     first_rad: float

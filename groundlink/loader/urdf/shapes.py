@@ -37,7 +37,7 @@ def solids(
         made.append(
             Solid(
                 name if number == 1 else f"{name}_{number}",
-                _in_metres(geometry.element, _shape(geometry.element, meshes)),
+                _in_meters(geometry.element, _shape(geometry.element, meshes)),
                 material,
                 (float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3])),
                 quaternion_from_rpy(*rpy_from_matrix(pose[:3, :3])),
@@ -59,7 +59,7 @@ def _shape(element: XmlElement, meshes: UrdfMeshes) -> Shape:
     return meshes.get(element)
 
 
-def _in_metres(element: XmlElement, shape: Shape) -> Shape:
+def _in_meters(element: XmlElement, shape: Shape) -> Shape:
     """Return a shape; refuse one that is too large for a vehicle part."""
     size_m = 2 * half_extents(shape)
     if max(size_m) > MAX_SIZE_M:

@@ -15,7 +15,7 @@ class Door(Spec, frozen=True):
 
     wall: Literal["north", "east", "south", "west"]
     at_m: float
-    """Centre of the opening along the wall, from the wall's middle."""
+    """Center of the opening along the wall, from the wall's middle."""
 
     width_m: Positive = 0.9
     height_m: Positive = 2.05

@@ -44,7 +44,7 @@ class CameraModel(PictureModel):
             encoded = ENCODINGS[spec.encoding](pixels)
             made.append(StreamMessage("image", image(*header, spec.encoding, encoded)))
         if "" in self._outputs:
-            grey = spec.encoding == "mono8"
-            file = jpeg(*header, pixels, grey=grey, quality=spec.jpeg_quality)
+            gray = spec.encoding == "mono8"
+            file = jpeg(*header, pixels, gray=gray, quality=spec.jpeg_quality)
             made.append(file)
         return made

@@ -36,7 +36,7 @@ class Sight(NamedTuple):
     depth_m: NDArray[np.float32]
     """Shape (height, width), infinite in the sky and where no ray comes in."""
 
-    colour: NDArray[np.uint8] | None
+    color: NDArray[np.uint8] | None
     """Shape (height, width, 3)."""
 
 
@@ -74,7 +74,7 @@ class DrawnEye:
     def look(self, nanos: int, tick: int) -> Sight:
         """Return the picture whose exposure begins at a sim time, with the noise of a tick."""
         frame = self._camera.taken(nanos, tick)
-        return Sight(frame.depth_m, frame.colour if self._is_colored else None)
+        return Sight(frame.depth_m, frame.color if self._is_colored else None)
 
 
 class RayEye:

@@ -32,7 +32,7 @@ PNG_LEVEL = 1
 """The codec's own is 9, which takes ten times as long for a tenth less."""
 
 
-def millimetres(depth_m: Reals) -> Shorts:
+def millimeters(depth_m: Reals) -> Shorts:
     """Return the pixels of 16UC1: whole millimetres, 0 for what is no depth."""
     fits = (depth_m > 0) & (depth_m < (LARGEST + 0.5) / 1000)
     return np.rint(np.where(fits, depth_m, 0) * np.float32(1000)).astype(np.uint16)
@@ -40,7 +40,7 @@ def millimetres(depth_m: Reals) -> Shorts:
 
 def pixels(depth_m: Reals, encoding: str) -> Reals | Shorts:
     """Return depth, shape (height, width), as the pixels of 16UC1 or 32FC1."""
-    return millimetres(depth_m) if encoding == "16UC1" else depth_m
+    return millimeters(depth_m) if encoding == "16UC1" else depth_m
 
 
 def inverse_depth(depth_m: Reals, max_range_m: float) -> tuple[Shorts, float, float]:
@@ -63,7 +63,7 @@ def compressed_depth(
     """Return depth as compressed_depth_image_transport reads it: a header of 12 bytes and a PNG."""
     a = b = 0.0
     if encoding == "16UC1":
-        stored = millimetres(depth_m)
+        stored = millimeters(depth_m)
     else:
         stored, a, b = inverse_depth(depth_m, max_range_m)
     done, file = cv2.imencode(".png", stored, (cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL))
@@ -83,7 +83,7 @@ def points(
     slopes: Floats,
     *,
     every: int,
-    colour: NDArray[np.uint8] | None,
+    color: NDArray[np.uint8] | None,
 ) -> PointCloud:
     """Return a point for every pixel that has a depth, in the optical frame, row after row.
 
@@ -104,6 +104,6 @@ def points(
     made["x"], made["y"] = (slopes[rows, columns] * z[:, None]).T
     made["z"] = z
     made["ring"] = len(depth_m) - 1 - rows
-    if colour is not None:
-        made["intensity"] = colour[rows, columns].mean(axis=1)
+    if color is not None:
+        made["intensity"] = color[rows, columns].mean(axis=1)
     return PointCloud(stamp_nanos, frame, packed(made.view(np.uint8)))

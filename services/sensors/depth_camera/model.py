@@ -55,7 +55,7 @@ class DepthCameraModel(PictureModel):
     def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[BusMessage | StreamMessage]:
         """Return the messages of the picture of an instant."""
         spec, outputs, header = self._spec, self._outputs, (stamp_nanos, self._frame)
-        truth_m, colour = self._eye.look(nanos, tick)
+        truth_m, color = self._eye.look(nanos, tick)
         pinhole = self._eye.pinhole
         depth_m = measured(truth_m, pinhole.fx, spec, self._streams.at("disparity", tick))
         info = camera_info(*header, pinhole, spec.lens)
@@ -67,15 +67,15 @@ class DepthCameraModel(PictureModel):
             made.append(StreamMessage("compressed", file))
         if "points" in outputs:
             slopes = self._eye.slopes
-            cloud = points(*header, depth_m, slopes, every=spec.points_every, colour=colour)
+            cloud = points(*header, depth_m, slopes, every=spec.points_every, color=color)
             made.append(StreamMessage("points", cloud))
-        if spec.color and colour is not None:
+        if spec.color and color is not None:
             made.append(StreamMessage("color_info", info))
             if "color" in outputs:
                 quality = spec.color.jpeg_quality
                 made.append(
-                    StreamMessage("color", jpeg(*header, colour, grey=False, quality=quality))
+                    StreamMessage("color", jpeg(*header, color, gray=False, quality=quality))
                 )
             if "color_image" in outputs:
-                made.append(StreamMessage("color_image", image(*header, "rgb8", colour)))
+                made.append(StreamMessage("color_image", image(*header, "rgb8", color)))
         return made

@@ -45,7 +45,7 @@ struct terrain {
     const float *heights;           /* one more in each direction than there are cells */
     const uint8_t *surface;         /* of each cell, what is added to the first label */
     const float *const *highest[2]; /* pyramids of the greatest heights, and upside down */
-    double origin[3], per_m[3];     /* of the first height's x and y; cells in a metre, and 1 */
+    double origin[3], per_m[3];     /* of the first height's x and y; cells in a meter, and 1 */
     double heights_within[2];       /* least and greatest */
     int32_t cells[2];               /* eastwards, northwards */
     int32_t first_label;
@@ -117,7 +117,7 @@ static inline void find(const struct surroundings *around, ptrdiff_t scene, stru
 {
     static const int32_t valid[LANES] __attribute__((aligned(64))) = {-1, -1, -1, -1,
                                                                       -1, -1, -1, -1};
-    /* RTCIntersectArguments: of neighbouring rays, for geometry of every kind. */
+    /* RTCIntersectArguments: of neighboring rays, for geometry of every kind. */
     static struct {
         int32_t flags;
         uint32_t feature_mask;

@@ -2,7 +2,7 @@
 /* What the files about terrain share: rays on their way over a map.
  *
  * A ray starts on one side of the terrain and meets it where it is first not on that side. All is
- * float64, in cells and metres. Rays that start below see everything upside down.
+ * float64, in cells and meters. Rays that start below see everything upside down.
  */
 
 #ifndef GROUNDLINK_TERRAIN_H
@@ -10,12 +10,12 @@
 
 #include "rays.h"
 
-/* What a ray has to be above everything to pass unseen, in metres: more than what is rounded. */
+/* What a ray has to be above everything to pass unseen, in meters: more than what is rounded. */
 static const double CLEARANCE = 1e-6;
 
 /* Rays on their way over the map. */
 struct courses {
-    double start[3][LANES], way[3][LANES]; /* in cells east and north, and metres upwards */
+    double start[3][LANES], way[3][LANES]; /* in cells east and north, and meters upwards */
     double inverse[3][LANES];
     double begin[LANES], end[LANES]; /* where a ray comes to the map, and leaves or meets something */
     double sign[LANES];              /* -1 when upside down */

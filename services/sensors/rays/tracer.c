@@ -16,7 +16,7 @@
 #define PACKETS 8
 
 /* A ray that nearly lies in a triangle's plane meets the plane far from the triangle. The engine's
- * own range stands if the plane's is farther off than this, in metres. */
+ * own range stands if the plane's is farther off than this, in meters. */
 static const double MOST_MENDED = 0.01;
 
 /* v + 2 q x (q x v + w v), q of any length. */

@@ -22,7 +22,7 @@ struct cloud {
 
 /* Structures of the same names in `weather.py` and `returns.py` fill these. */
 struct weather {
-    float extinction; /* per metre, everywhere */
+    float extinction; /* per meter, everywhere */
     float haze;       /* light that comes back from where a pulse enters the fog */
     float near;       /* where echoes of the air begin */
     float drops_per_mm;
@@ -36,7 +36,7 @@ struct receiver {
     size_t lasers, firings, rays;
     int32_t mode, received;
     float range_share, range_resolution, min_range, max_range, dropout;
-    float cell; /* metres between returns that can be told apart */
+    float cell; /* meters between returns that can be told apart */
     float least_power;
     const float *stddev, *bias;    /* of each laser */
     const float *reflectance;      /* by label, up to 1 where diffuse */

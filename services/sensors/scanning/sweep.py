@@ -56,7 +56,7 @@ class Sweep:
     latest_seconds : float
         From the start of a firing to its last laser.
     origins_in_world, directions_in_world : float32 arrays, shape (3, lasers, firings)
-        Metres, of the axes, of the firings of the last `follow`.
+        Meters, of the axes, of the firings of the last `follow`.
     poses : float32 array, shape (2, 12, firings)
         Of the sensor at each firing of the last `follow`: rotation world_from_sensor row by row,
         then its position; then how much these change in a second.

@@ -50,15 +50,15 @@ class StereoCameraModel(PictureModel):
         for eye, ((raw, compressed, info), baseline_m) in enumerate(
             ((LEFT, 0.0), (RIGHT, spec.baseline_m))
         ):
-            colour = self._eyes.read(nanos, tick, eye=eye)
+            color = self._eyes.read(nanos, tick, eye=eye)
             told = camera_info(*header, self._eyes.pinhole, spec.lens, baseline_m=baseline_m)
             made.append(StreamMessage(info, told))
             if raw in self._outputs:
-                shown = ENCODINGS[spec.encoding](colour)
+                shown = ENCODINGS[spec.encoding](color)
                 pixels = image(*header, spec.encoding, shown)
                 made.append(StreamMessage(raw, pixels) if raw else pixels)
             if compressed in self._outputs:
-                grey = spec.encoding == "mono8"
-                file = jpeg(*header, colour, grey=grey, quality=spec.jpeg_quality)
+                gray = spec.encoding == "mono8"
+                file = jpeg(*header, color, gray=gray, quality=spec.jpeg_quality)
                 made.append(StreamMessage(compressed, file))
         return made

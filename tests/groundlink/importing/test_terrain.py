@@ -52,7 +52,7 @@ def test_compressed_geotiffs_are_read(tmp_path: Path, compression: str) -> None:
 
 
 @pytest.mark.parametrize("of", [np.int16, np.uint16, np.int32])
-def test_geotiffs_of_whole_metres_are_read(tmp_path: Path, of: type) -> None:
+def test_geotiffs_of_whole_meters_are_read(tmp_path: Path, of: type) -> None:
     here, _ = made(tmp_path, "map.tif", tiff(np.rint(HEIGHTS).astype(of)))
     assert (here.heights == np.rint(HEIGHTS)).all()
 

@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 def allan_deviation(samples: Floats, rate_hz: float, interval_s: float) -> Floats:
     """Return the overlapping Allan deviation of each column at one averaging interval.
 
-    Half the mean square of the differences of neighbouring means, over all places of the pair.
+    Half the mean square of the differences of neighboring means, over all places of the pair.
     """
     n = round(interval_s * rate_hz)
     sums = np.concatenate([np.zeros((1, samples.shape[1])), np.cumsum(samples, axis=0)])

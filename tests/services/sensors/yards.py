@@ -18,16 +18,16 @@ from tests.services.sensors.states import WHEELS, scenario, states
 DATUM = Datum(52.25, 20.9, 140.0, 31.0)
 
 
-def box(name: str, size_m: Sequence[float], at_m: Sequence[float], material: str = "grey") -> Solid:
+def box(name: str, size_m: Sequence[float], at_m: Sequence[float], material: str = "gray") -> Solid:
     x, y, z = size_m
     return Solid(name, Box((x, y, z)), material, position_m=tuple(at_m))  # type: ignore[arg-type]
 
 
 def yard(*solids: Solid, seed: int = 1, **fields: Any) -> Scenario:
-    """Return a scenario with these solids; `grey` reflects a half, `black` an eighth."""
+    """Return a scenario with these solids; `gray` reflects a half, `black` an eighth."""
     made = scenario(seed=seed, **fields)
     far = box("far", (1, 1, 1), (0, 0, -500))
-    materials = {"grey": Material(0.5), "black": Material(0.125), "rubber": Material(0.05)}
+    materials = {"gray": Material(0.5), "black": Material(0.125), "rubber": Material(0.05)}
     world = replace(made.world, datum=DATUM, materials=materials, solids=(far, *solids))
     return replace(made, world=world)
 

@@ -228,7 +228,7 @@ def test_a_jpeg_goes_as_it_is() -> None:
     assert bytes(image.blob.as_arrow_array()[0].as_py()) == bytes(JPEG)
 
 
-def test_compressed_depth_in_metres_is_told_by_its_header() -> None:
+def test_compressed_depth_in_meters_is_told_by_its_header() -> None:
     """The PNG holds A / depth + B; here 1, 2 and 4 m, and none."""
     stored = np.array([[9001, 4001, 1501, 0]], np.uint16)
     file = io.BytesIO()
@@ -243,7 +243,7 @@ def test_compressed_depth_in_metres_is_told_by_its_header() -> None:
     assert depth.meter.as_arrow_array().to_pylist() == [1.0]
 
 
-def test_compressed_depth_in_millimetres_goes_as_it_is() -> None:
+def test_compressed_depth_in_millimeters_goes_as_it_is() -> None:
     data = memoryview(struct.pack("<iff", 1, 0.0, 0.0) + b"a PNG")
     it, recording = picture()
     show(it, "rover/x", imagery.CompressedImage(STAMP, "cam", "16UC1; compressedDepth png", data))
@@ -277,7 +277,7 @@ def test_blocks_of_a_scan_are_drawn_as_one(block_deg: float, drawn: int) -> None
     assert sum(len(each.positions.as_arrow_array()) for each in points) == 6
 
 
-def test_the_truth_is_of_one_instant_and_coloured_by_body() -> None:
+def test_the_truth_is_of_one_instant_and_colored_by_body() -> None:
     it, recording = picture()
     track = [(2.0, 0, 0, 50, 0, 0.0, 7), (2.0, 0, 0, 50, 9, 0.1, 7), (2.0, 0, 0, 50, 0, 0.0, 8)]
     show(it, "rover/lidar/truth", true_points(track))
@@ -289,7 +289,7 @@ def test_the_truth_is_of_one_instant_and_coloured_by_body() -> None:
 
 
 @pytest.mark.parametrize(("coloring", "differ"), [("intensity", False), ("ring", True)])
-def test_colours_are_by_intensity_or_by_ring(coloring: str, differ: bool) -> None:
+def test_colors_are_by_intensity_or_by_ring(coloring: str, differ: bool) -> None:
     it, recording = picture(coloring)
     show(it, "rover/lidar", cloud([(2.0, 0, 0, 50, 0, 0.0), (2.0, 0, 0, 50, 15, 0.0)]))
     (points,) = recording.logged["rover/lidar"]

@@ -14,7 +14,7 @@ from .scenes import SCENARIO
 CUBE = Solid(name="cube", shape=Box(size_m=(1, 1, 1)), material="red", position_m=(2, 0, 0))
 
 
-def test_normals_point_out_and_colours_are_those_of_the_material() -> None:
+def test_normals_point_out_and_colors_are_those_of_the_material() -> None:
     mesh = meshes.mesh([CUBE], {"red": Material(color=(1.0, 0.0, 0.2))})
     assert mesh.vertices.shape == mesh.normals.shape == (36, 3)
     outward = np.einsum("ij,ij->i", mesh.vertices - CUBE.position_m, mesh.normals)

@@ -95,7 +95,7 @@ def test_a_large_mesh_has_fewer_faces_and_keeps_its_form(side: int) -> None:
     assert np.linalg.norm(across, axis=1).sum() / 2 == pytest.approx(4.0, rel=0.08)
 
 
-def test_faces_have_the_colour_of_their_paint() -> None:
+def test_faces_have_the_color_of_their_paint() -> None:
     vertices, faces = wavy(10)
     picture = np.zeros((4, 4, 3), np.uint8)
     picture[:2] = (255, 0, 0)  # the upper half

@@ -82,9 +82,9 @@ class CameraEye:
             layers={*layers, "depth"} if spec.lens.aperture_m else layers,
         )
         self._is_colored = "color" in layers
-        coloured = encoding in ("rgb8", "bgr8")
-        self._filtered = ENCODINGS["rgb8" if coloured else encoding]
-        values = spec.width * spec.height * (3 if coloured else 1)
+        colored = encoding in ("rgb8", "bgr8")
+        self._filtered = ENCODINGS["rgb8" if colored else encoding]
+        values = spec.width * spec.height * (3 if colored else 1)
         name = f"{vehicle.name}/{spec.name}"
         names = [name, *(f"{name}/eye_{number}" for number in range(1, len(to_the_right_m)))]
         self._electronics = [
@@ -100,7 +100,7 @@ class CameraEye:
         Shape (height, width, 3), red, green, blue, or (height, width) for encodings with one number
         a pixel. The next picture may overwrite it.
         """
-        light = self._shutter.exposed(lambda offset: self._seen(nanos + offset, eye).colour)
+        light = self._shutter.exposed(lambda offset: self._seen(nanos + offset, eye).color)
         return self._electronics[eye].read(self._filtered(light), tick)
 
     def taken(self, nanos: int, tick: int) -> Frame:
@@ -108,13 +108,13 @@ class CameraEye:
 
         Depth and labels are behind the lens: each pixel has those of the nearest drawn pixel.
         """
-        colour = None
+        color = None
         if self._is_colored and not self._shutter.is_still:
-            colour = self.read(nanos, tick)
+            color = self.read(nanos, tick)
         middle = self._seen(nanos + self._shutter.middle_nanos, 0)
-        if self._is_colored and colour is None:
-            colour = self._electronics[0].read(self._filtered(middle.colour), tick)
-        return middle if colour is None else replace(middle, colour=colour)
+        if self._is_colored and color is None:
+            color = self._electronics[0].read(self._filtered(middle.color), tick)
+        return middle if color is None else replace(middle, color=color)
 
     def _seen(self, nanos: int, eye: int) -> Frame:
         """Return the picture behind the lens of an eye at a sim time, as for `Eye.move`."""

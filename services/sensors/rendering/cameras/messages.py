@@ -17,7 +17,7 @@ from services.sensors.rendering.gl.pinhole import Pinhole
 Pixels = NDArray[np.uint8]
 
 
-def _grey(rgb: Pixels) -> Pixels:
+def _gray(rgb: Pixels) -> Pixels:
     """Return the brightness, shape (height, width)."""
     return rgb if rgb.ndim == 2 else np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.uint8)
 
@@ -35,7 +35,7 @@ def _bayer(rgb: Pixels) -> Pixels:
 ENCODINGS: dict[str, Callable[[Pixels], Pixels]] = {
     "rgb8": lambda rgb: rgb,
     "bgr8": lambda rgb: np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), np.uint8),
-    "mono8": _grey,
+    "mono8": _gray,
     "bayer_rggb8": _bayer,
 }
 """Conversions from red, green, blue, shape (height, width, 3), to the pixels of a ROS encoding.
@@ -59,13 +59,13 @@ def image(stamp_nanos: int, frame: str, encoding: str, pixels: NDArray[np.generi
 
 
 def jpeg(
-    stamp_nanos: int, frame: str, pixels: Pixels, *, grey: bool, quality: int
+    stamp_nanos: int, frame: str, pixels: Pixels, *, gray: bool, quality: int
 ) -> CompressedImage:
     """Return a JPEG of red, green, blue, shape (height, width, 3), or of its brightness.
 
     The format string is that of image_transport: the encoding of the pixels; that of the file.
     """
-    encoding, stored = ("mono8", "mono8") if grey else ("rgb8", "bgr8")
+    encoding, stored = ("mono8", "mono8") if gray else ("rgb8", "bgr8")
     done, file = cv2.imencode(
         ".jpg", ENCODINGS[stored](pixels), (cv2.IMWRITE_JPEG_QUALITY, quality)
     )

@@ -31,9 +31,9 @@ void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 -
 """
 
 _FRAGMENT = """#version 330
-layout(location = 0) out vec4 colour;
+layout(location = 0) out vec4 color;
 layout(location = 1) out float depth;
-void main() { colour = vec4(0.2, 0.4, 0.8, 1.0); depth = 1234.5; }
+void main() { color = vec4(0.2, 0.4, 0.8, 1.0); depth = 1234.5; }
 """
 
 
@@ -94,8 +94,8 @@ def filtered(context: moderngl.Context, texture: Picture) -> Picture:
 def _draws(context: moderngl.Context) -> bool:
     """Return whether a triangle that covers the picture is read back as drawn."""
     size = (8, 8)
-    colour, depth = context.texture(size, 3), context.texture(size, 1, dtype="f4")
-    frame = context.framebuffer([colour, depth])
+    color, depth = context.texture(size, 3), context.texture(size, 1, dtype="f4")
+    frame = context.framebuffer([color, depth])
     program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
     frame.use()
     context.vertex_array(program, []).render(vertices=3)

@@ -17,7 +17,7 @@ from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats
 from groundlink.world.solids import Material
 from groundlink.world.terrain import Ground
-from services.sensors.rendering.look.ground_paint import colours, sunlit
+from services.sensors.rendering.look.ground_paint import colors, sunlit
 from services.sensors.rendering.look.lights import Lighting
 from services.sensors.rendering.look.textures import period_m, texture
 
@@ -64,7 +64,7 @@ class DrawnGround:
         heights = context.texture((columns, rows), 1, ground.heights, dtype="f4")
         heights.filter = moderngl.NEAREST, moderngl.NEAREST
         looks = np.full((rows - 1, columns - 1, 4), 255, np.uint8)
-        looks[..., :3] = colours(ground, materials)
+        looks[..., :3] = colors(ground, materials)
         if light.is_sun:
             looks[..., 3] = sunlit(ground, np.array(light.lights[0].at[:3]))
         cells = filtered(context, context.texture((columns - 1, rows - 1), 4, looks))

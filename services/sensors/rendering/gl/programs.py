@@ -62,7 +62,7 @@ void main() {
     label = -1;
 }
 #else
-layout(location = 0) out vec4 colour;
+layout(location = 0) out vec4 color;
 
 DEVELOPED;
 
@@ -73,7 +73,7 @@ void main() {
     float near = max(dot(d, light_at[0].xyz), 0.0);
     c += light_power[0] * (0.15 * pow(near, 60.0) + 20.0 * step(0.99996, near));
 #endif
-    colour = vec4(developed(c), 1.0);
+    color = vec4(developed(c), 1.0);
 }
 #endif
 """

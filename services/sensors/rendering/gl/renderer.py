@@ -170,7 +170,7 @@ class Renderer:
             self._skies[number].render(vertices=3)
         frame = self._nothing
         if self._color:
-            frame = replace(frame, colour=self._color.read())
+            frame = replace(frame, color=self._color.read())
         if self._truth:
             depth_m, labels = self._truth.read()
             frame = replace(frame, depth_m=depth_m, labels=labels)

@@ -42,11 +42,11 @@ void main() {
 
 FRAGMENT = """
 #ifdef GROUND
-uniform sampler2D cells;  // roots of colours, and the share of the sun's light
+uniform sampler2D cells;  // roots of colors, and the share of the sun's light
 uniform usampler2D kinds;  // materials of cells
 uniform sampler2DArray patterns;
-uniform vec4 patterns_at[GROUND];  // of materials: layer, repetitions a metre, the eye's place
-uniform vec4 cells_at;  // of the eye, and of a metre to the east and to the north
+uniform vec4 patterns_at[GROUND];  // of materials: layer, repetitions a meter, the eye's place
+uniform vec4 cells_at;  // of the eye, and of a meter to the east and to the north
 #else
 uniform sampler2D base;
 uniform sampler2D bumps;
@@ -78,7 +78,7 @@ void main() {
     label = thing;
 }
 #else
-layout(location = 0) out vec4 colour;
+layout(location = 0) out vec4 color;
 
 DEVELOPED;
 
@@ -154,7 +154,7 @@ void main() {
 #ifdef FOG
     c = mix(horizon, c, exp(-extinction * length(seen)));
 #endif
-    colour = vec4(developed(c), 1.0);
+    color = vec4(developed(c), 1.0);
 }
 #endif
 """

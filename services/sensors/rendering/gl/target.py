@@ -33,7 +33,7 @@ void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 -
 
 _RESOLVE = """#version 330
 uniform sampler2DMS drawn;
-layout(location = 0) out vec4 colour;
+layout(location = 0) out vec4 color;
 
 void main() {
     ivec2 first = FINER * ivec2(gl_FragCoord.xy);
@@ -42,7 +42,7 @@ void main() {
         vec3 root = texelFetch(drawn, first + ivec2(x, y), i).rgb;
         light += root * root;
     }
-    colour = vec4(sqrt(light / float(4 * FINER * FINER)), 1.0);
+    color = vec4(sqrt(light / float(4 * FINER * FINER)), 1.0);
 }
 """
 """Colors are square roots of light, see `programs`."""
@@ -55,7 +55,7 @@ class Frame:
     A layer that the renderer does not draw is empty.
     """
 
-    colour: NDArray[np.uint8]
+    color: NDArray[np.uint8]
     """Shape (height, width, 3), uint8: red, green, blue, gamma-encoded."""
 
     depth_m: NDArray[np.float32]
@@ -92,7 +92,7 @@ class ColorTarget:
                 fragment_shader=_RESOLVE.replace("FINER", str(finer)),
             )
             self._resolve = context.vertex_array(resolve, [])
-        self._colour = np.empty((height, width, 3), np.uint8)
+        self._color = np.empty((height, width, 3), np.uint8)
 
     def begin(
         self,
@@ -108,8 +108,8 @@ class ColorTarget:
             self._context.disable(moderngl.DEPTH_TEST)
             self._drawn.use(0)
             self._resolve.render(vertices=3)
-        self._read.read_into(self._colour, components=3, alignment=1)
-        return self._colour
+        self._read.read_into(self._color, components=3, alignment=1)
+        return self._color
 
 
 class TruthTarget:

@@ -29,7 +29,7 @@ PENUMBRA = 0.06
 Heights = NDArray[np.float32]
 
 
-def colours(ground: Ground, materials: Mapping[str, Material]) -> NDArray[np.uint8]:
+def colors(ground: Ground, materials: Mapping[str, Material]) -> NDArray[np.uint8]:
     """Return the square roots of each cell's linear color, shape (rows - 1, columns - 1, 3)."""
     palette = np.array([materials[name].color for name in ground.materials], np.float32)
     rows, columns = ground.surface.shape

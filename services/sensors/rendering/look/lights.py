@@ -20,7 +20,7 @@ from groundlink.world.bounds import bounds
 from groundlink.world.light import Lamps, Sun
 from groundlink.world.solids import Solid
 
-Colour = tuple[float, float, float]
+Color = tuple[float, float, float]
 
 BELOW_CEILING_M = 0.04
 CLEAR_M = 40e3
@@ -49,7 +49,7 @@ class Light:
     at: tuple[float, float, float, float]
     """A lamp's position and 1, or the unit vector towards the sun and 0; in the world."""
 
-    power: Colour
+    power: Color
     clip_from_world: Floats
     """The view of its shadow map, clip_from_world, shape (4, 4)."""
 
@@ -60,12 +60,12 @@ class Lighting:
 
     lights: tuple[Light, ...]
     is_sun: bool
-    ambient_above: Colour
+    ambient_above: Color
     """Ambient light on surfaces that face up."""
 
-    ambient_below: Colour
-    horizon: Colour
-    zenith: Colour
+    ambient_below: Color
+    horizon: Color
+    zenith: Color
     extinction_per_m: float
     """Extinction of fog; 0 without fog."""
 

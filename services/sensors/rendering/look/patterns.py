@@ -43,7 +43,7 @@ def noise(
 
 
 def grid() -> tuple[Factors, Factors]:
-    """Return x and y of each texel's centre, 0..1, each of shape (TEXELS, TEXELS)."""
+    """Return x and y of each texel's center, 0..1, each of shape (TEXELS, TEXELS)."""
     at = (np.arange(TEXELS) + 0.5) / TEXELS
     return np.broadcast_to(at, (TEXELS, TEXELS)), np.broadcast_to(at[:, None], (TEXELS, TEXELS))
 

@@ -45,13 +45,13 @@ class Focus:
         """Return the colors of a frame, blurred by depth."""
         squared = np.minimum(self.diameters(frame.depth_m), DIAMETERS[-1]) ** 2
         largest = float(squared.max())
-        made = frame.colour
+        made = frame.color
         for low, high in pairwise(DIAMETERS):
             if low**2 >= largest:
                 break
             # The variance of a disc along a line is a sixteenth of its squared diameter. Variances
             # of mixed pictures add up in proportion.
-            more = cv2.GaussianBlur(frame.colour, (0, 0), high / 4)
+            more = cv2.GaussianBlur(frame.color, (0, 0), high / 4)
             share = np.clip((squared - low**2) / (high**2 - low**2), 0, 1)
             made = np.asarray(cv2.blendLinear(made, more, 1 - share, share), np.uint8)
         return made

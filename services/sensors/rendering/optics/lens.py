@@ -58,9 +58,9 @@ class LensOptics:
         self.drawn = pinhole
         self._bend: _Bend | None = None
         self._coloring: list[Callable[[Frame], NDArray[np.uint8]]] = []
-        colours = 1 + spec.chromatic_aberration * np.array([1.0, 0.0, -1.0])
+        colors = 1 + spec.chromatic_aberration * np.array([1.0, 0.0, -1.0])
         if spec.chromatic_aberration or not spec.is_straight:
-            rays = [slopes(spec, pinhole, scale) for scale in dict.fromkeys(colours.tolist())]
+            rays = [slopes(spec, pinhole, scale) for scale in dict.fromkeys(colors.tolist())]
             self.drawn = covering(pinhole, rays)
             self._bend = _Bend(self.drawn, rays)
         if spec.aperture_m:
@@ -69,16 +69,16 @@ class LensOptics:
         if spec.vignetting:
             left = _left(spec.vignetting, pinhole)
             self._coloring.append(
-                lambda frame: np.asarray(cv2.multiply(frame.colour, left, scale=1 / 255))
+                lambda frame: np.asarray(cv2.multiply(frame.color, left, scale=1 / 255))
             )
 
     def seen(self, frame: Frame) -> Frame:
         """Return the picture behind the lens of a `frame` drawn through `drawn`; same layers."""
         if self._bend:
             frame = self._bend.bent(frame)
-        if frame.colour.size:
+        if frame.color.size:
             for step in self._coloring:
-                frame = replace(frame, colour=step(frame))
+                frame = replace(frame, color=step(frame))
         return frame
 
 
@@ -113,24 +113,24 @@ class _Bend:
             np.where(np.isnan(of), NOWHERE, of * focal + middle).astype(np.float32) for of in rays
         ]
         none = np.empty(0, np.float32)
-        self._colours = [cv2.convertMaps(place, none, cv2.CV_16SC2) for place in places]
+        self._colors = [cv2.convertMaps(place, none, cv2.CV_16SC2) for place in places]
         self._nearest = np.rint(places[len(places) // 2]).astype(np.int16)  # of green
 
     def bent(self, frame: Frame) -> Frame:
-        colour, depth_m, labels = frame.colour, frame.depth_m, frame.labels
-        if colour.size:
-            channels = cv2.split(colour) if len(self._colours) > 1 else [colour]
+        color, depth_m, labels = frame.color, frame.depth_m, frame.labels
+        if color.size:
+            channels = cv2.split(color) if len(self._colors) > 1 else [color]
             bent = [
                 cv2.remap(channel, whole, parts, cv2.INTER_LINEAR)
-                for channel, (whole, parts) in zip(channels, self._colours, strict=True)
+                for channel, (whole, parts) in zip(channels, self._colors, strict=True)
             ]
-            colour = np.asarray(cv2.merge(bent) if len(bent) > 1 else bent[0], np.uint8)
+            color = np.asarray(cv2.merge(bent) if len(bent) > 1 else bent[0], np.uint8)
         if depth_m.size:
             depth_m = self._picked(depth_m, np.inf)
         if labels is not None:
             # Integers below 2^24 are exact in float32, which OpenCV can remap.
             labels = self._picked(labels.astype(np.float32), -1.0).astype(np.int32)
-        return Frame(colour, depth_m, labels)
+        return Frame(color, depth_m, labels)
 
     def _picked(self, pixels: NDArray[np.float32], outside: float) -> NDArray[np.float32]:
         none = np.empty(0, np.int16)

@@ -35,9 +35,9 @@ def write(folder: Path, prefix: str, frame: Frame, labels: Labels) -> list[Path]
     """
     assert frame.labels is not None
     depth_m = np.where(frame.depth_m <= FARTHEST_M, frame.depth_m, 0).astype(np.float64)
-    palette = np.vstack([colours(len(labels.instances)), [[0, 0, 0]]])  # -1 is the last one
+    palette = np.vstack([colors(len(labels.instances)), [[0, 0, 0]]])  # -1 is the last one
     pictures: dict[str, NDArray[np.uint8 | np.uint16]] = {
-        "colour": frame.colour[..., ::-1] if frame.colour.ndim == 3 else frame.colour,
+        "colour": frame.color[..., ::-1] if frame.color.ndim == 3 else frame.color,
         "depth": np.rint(1000 * depth_m).astype(np.uint16),
         "labels": palette.astype(np.uint8)[frame.labels][..., ::-1],
     }
@@ -63,7 +63,7 @@ def write(folder: Path, prefix: str, frame: Frame, labels: Labels) -> list[Path]
     return [*files.values(), explained]
 
 
-def colours(count: int) -> NDArray[np.uint8]:
+def colors(count: int) -> NDArray[np.uint8]:
     """Return different colors, shape (count, 3); adjacent numbers differ strongly in hue."""
     number = np.arange(count)
     hue = number * 111 % 180  # OpenCV halves degrees; the only common factor of 111 and 180 is 3

@@ -55,9 +55,9 @@ def mark(
         origin, *tips = np.rint((pixels[:, :2] / pixels[:, 2:]) * (1 << BITS)).astype(int).tolist()
         # The axis that points away from the eye is drawn first.
         axes = sorted(zip(points[1:, 2], tips, (RED, GREEN, BLUE), strict=True), reverse=True)
-        for colour, thickness in ((BLACK, 5), (None, 3)):
+        for color, thickness in ((BLACK, 5), (None, 3)):
             for _, tip, own in axes:
-                cv2.line(picture, origin, tip, colour or own, thickness, cv2.LINE_AA, BITS)
+                cv2.line(picture, origin, tip, color or own, thickness, cv2.LINE_AA, BITS)
         labels.append((name, (origin[0] >> BITS, origin[1] >> BITS)))
     _write(picture, labels)
 
@@ -80,5 +80,5 @@ def _write(picture: Picture, labels: Sequence[Label]) -> None:
         at = (left, top + high)
         if top > y:
             cv2.line(picture, (x, y), (left, top + high // 2), WHITE, 1, cv2.LINE_AA)
-        for colour, thickness in ((BLACK, 4), (WHITE, 1)):
-            cv2.putText(picture, name, at, FONT, TEXT, colour, thickness, cv2.LINE_AA)
+        for color, thickness in ((BLACK, 4), (WHITE, 1)):
+            cv2.putText(picture, name, at, FONT, TEXT, color, thickness, cv2.LINE_AA)

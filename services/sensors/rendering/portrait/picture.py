@@ -48,6 +48,6 @@ def portrait(
     renderer.place(shown.poses)
     if shown.world.room:
         renderer.exposure = INDOORS
-    picture = renderer.draw(world_from_optical).colour
+    picture = renderer.draw(world_from_optical).color
     mark(picture, shown.frames, shown.axis_m, pinhole, world_from_optical)
     return picture

@@ -14,7 +14,7 @@ BORNE_KG = 14.0
 STIFFNESS_NPM = TREAD_STIFFNESS * BORNE_KG / STEP**2
 
 
-def tyre_of(axle_ratio: float = 1.0) -> Tire:
+def tire_of(axle_ratio: float = 1.0) -> Tire:
     return Tire(borne_kg=BORNE_KG, axle_ratio=axle_ratio)
 
 
@@ -31,30 +31,30 @@ def slide(
 @pytest.mark.parametrize("degrees", [0, 30, 45, 90, 200, 315])
 def test_a_sliding_tire_is_braked_against_its_slip_with_all_it_has(degrees: int) -> None:
     x, y = cos(radians(degrees)), sin(radians(degrees))
-    assert slide(tyre_of(), x, y) == pytest.approx((-100 * x, -100 * y), abs=1e-6)
+    assert slide(tire_of(), x, y) == pytest.approx((-100 * x, -100 * y), abs=1e-6)
 
 
 def test_a_tread_that_turns_pushes_and_one_that_rolls_does_not() -> None:
-    assert slide(tyre_of(), 1.0, 0.0, tread=2.0) == pytest.approx((100.0, 0.0))
-    assert slide(tyre_of(), 1.0, 0.0, tread=1.0) == pytest.approx((0.0, 0.0))
+    assert slide(tire_of(), 1.0, 0.0, tread=2.0) == pytest.approx((100.0, 0.0))
+    assert slide(tire_of(), 1.0, 0.0, tread=1.0) == pytest.approx((0.0, 0.0))
 
 
 def test_along_the_axle_it_holds_less_where_told_so() -> None:
-    assert slide(tyre_of(0.6), 0.0, 1.0) == pytest.approx((0.0, -60.0))
-    assert slide(tyre_of(0.6), 1.0, 0.0) == pytest.approx((-100.0, 0.0))
-    x, y = slide(tyre_of(0.6), 1.0, 1.0)
+    assert slide(tire_of(0.6), 0.0, 1.0) == pytest.approx((0.0, -60.0))
+    assert slide(tire_of(0.6), 1.0, 0.0) == pytest.approx((-100.0, 0.0))
+    x, y = slide(tire_of(0.6), 1.0, 1.0)
     assert hypot(x / 100, y / 60) == pytest.approx(1.0)
 
 
 def test_it_sticks_below_its_limit() -> None:
-    tire = tyre_of()
-    # Bent by a millimetre, then at rest: a spring that does not let go.
+    tire = tire_of()
+    # Bent by a millimeter, then at rest: a spring that does not let go.
     slide(tire, 0.0, 0.001 / (10 * STEP), steps=10)
     assert slide(tire, 0.0, 0.0) == pytest.approx((0.0, -0.001 * STIFFNESS_NPM))
 
 
 def test_after_slipping_it_does_not_spring_back_further_than_it_was_bent() -> None:
-    tire = tyre_of()
+    tire = tire_of()
     slide(tire, 5.0, 0.0)
     assert slide(tire, 0.0, 0.0, steps=1)[0] == pytest.approx(-100.0, rel=0.2)
     assert slide(tire, -0.1, 0.0, steps=400)[0] == pytest.approx(100.0)
@@ -62,7 +62,7 @@ def test_after_slipping_it_does_not_spring_back_further_than_it_was_bent() -> No
 
 @pytest.mark.parametrize("limit", [0.0, -1.0])
 def test_in_the_air_there_is_no_grip_and_no_memory(limit: float) -> None:
-    tire = tyre_of()
+    tire = tire_of()
     slide(tire, 1.0, 1.0)
     assert slide(tire, 1.0, 1.0, limit=limit, steps=1) == (0.0, 0.0)
     assert slide(tire, 0.0, 0.0, steps=1) == (0.0, 0.0)
@@ -70,7 +70,7 @@ def test_in_the_air_there_is_no_grip_and_no_memory(limit: float) -> None:
 
 @pytest.mark.parametrize("tread", [-1.0, 0.0, 0.3, 0.5, 0.7, 2.0])
 def test_its_gain_is_the_slope_of_its_force(tread: float) -> None:
-    tire = tyre_of()
+    tire = tire_of()
     tire.meet(0.5, 0.1, 100.0)
     below, above = tire.along(tread - 1e-6)[0], tire.along(tread + 1e-6)[0]
     assert tire.along(tread)[1] == pytest.approx((above - below) / 2e-6, rel=1e-4, abs=1e-6)

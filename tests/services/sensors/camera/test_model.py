@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The colour camera: what it sends, when, and that it says the truth of it."""
+"""The color camera: what it sends, when, and that it says the truth of it."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_encodings_show_the_same(encoding: str) -> None:
     made = world()
     eye = Eye(made, made.vehicles[0], spec())
     eye.take(resting(1)[0])
-    rgb = eye.look(0).colour.copy()
+    rgb = eye.look(0).color.copy()
     streams = taken(camera(encoding=encoding, jpeg_quality=95), resting(1))
     (raw,), (file,) = streams["image"], streams[""]
     assert isinstance(raw, Image)
@@ -123,13 +123,13 @@ def test_encodings_show_the_same(encoding: str) -> None:
     assert file.format == stored
 
 
-def test_bayer_has_one_colour_a_pixel() -> None:
-    colour = pixels(taken(camera(publish="raw"), resting(1))["image"][0])
+def test_bayer_has_one_color_a_pixel() -> None:
+    color = pixels(taken(camera(publish="raw"), resting(1))["image"][0])
     mosaic = pixels(taken(camera(publish="raw", encoding="bayer_rggb8"), resting(1))["image"][0])
-    assert np.array_equal(mosaic[::2, ::2], colour[::2, ::2, 0])
-    assert np.array_equal(mosaic[1::2, ::2], colour[1::2, ::2, 1])
-    assert np.array_equal(mosaic[::2, 1::2], colour[::2, 1::2, 1])
-    assert np.array_equal(mosaic[1::2, 1::2], colour[1::2, 1::2, 2])
+    assert np.array_equal(mosaic[::2, ::2], color[::2, ::2, 0])
+    assert np.array_equal(mosaic[1::2, ::2], color[1::2, ::2, 1])
+    assert np.array_equal(mosaic[::2, 1::2], color[::2, 1::2, 1])
+    assert np.array_equal(mosaic[1::2, 1::2], color[1::2, 1::2, 2])
 
 
 def test_quality_is_size() -> None:
@@ -151,7 +151,7 @@ def test_the_largest_jpeg_is_as_large_as_told(quality: int) -> None:
     """A picture of pure noise is the largest there is."""
     told = body_bytes(world().vehicles[0], spec(publish="compressed", jpeg_quality=quality))
     noise = np.random.default_rng(1).integers(0, 256, (120, 160, 3), np.uint8)
-    made_of_noise = jpeg(0, "camera_optical_frame", noise, grey=False, quality=quality)
+    made_of_noise = jpeg(0, "camera_optical_frame", noise, gray=False, quality=quality)
     assert len(made_of_noise.data) < told
     assert told < 1.3 * len(made_of_noise.data) or quality < 50
 
@@ -201,11 +201,11 @@ def test_a_picture_is_of_its_own_instant() -> None:
     # The second picture is at 33.33 ms, a third of the way from tick 13 to tick 14.
     eye = Eye(made, made.vehicles[0], spec())
     eye.take(resting(1, (0.2 * 40 / 3, 0.0, 0.0))[0])
-    assert np.abs(pixels(second).astype(int) - eye.look(0).colour).max() <= 1
+    assert np.abs(pixels(second).astype(int) - eye.look(0).color).max() <= 1
     for tick in (13, 14):
         eye.restart()
         eye.take(resting(1, (0.2 * tick, 0.0, 0.0))[0])
-        assert np.abs(pixels(second).astype(int) - eye.look(0).colour).max() > 20
+        assert np.abs(pixels(second).astype(int) - eye.look(0).color).max() > 20
 
 
 def test_tf_leads_to_the_optical_frame() -> None:
@@ -303,7 +303,7 @@ def test_both_streams_have_the_same_noise(encoding: str) -> None:
 
 
 def test_a_mosaic_has_its_noise_behind_the_filter() -> None:
-    """Noise of each pixel is its own, by its own light, not that of a colour beside it."""
+    """Noise of each pixel is its own, by its own light, not that of a color beside it."""
     fields: dict[str, Any] = {"publish": "raw", "encoding": "bayer_rggb8"}
     quiet = pixels(taken(camera(**fields), resting(1))["image"][0])
     noisy = pixels(taken(camera(**fields, imager=Imager(**GRAIN)), resting(1))["image"][0])

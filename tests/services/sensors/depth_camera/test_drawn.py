@@ -34,8 +34,8 @@ def test_rays_and_drawing_agree() -> None:
             eye.take(state)
         sights.append(eye.look(2_500_000 + 900_000, 2))
     drawn, cast = sights
-    assert drawn.colour is not None
-    assert cast.colour is None
+    assert drawn.color is not None
+    assert cast.color is None
     rough = np.zeros(cast.depth_m.shape, bool)
     for axis in (0, 1):
         for step in (-1, 1):

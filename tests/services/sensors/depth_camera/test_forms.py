@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from groundlink.messages.imagery import CompressedImage
-from services.sensors.depth_camera.forms import compressed_depth, millimetres, pixels, points
+from services.sensors.depth_camera.forms import compressed_depth, millimeters, pixels, points
 from services.sensors.rendering.gl.pinhole import Pinhole
 
 NOTHING = (math.nan, math.inf, -math.inf)
@@ -38,26 +38,26 @@ def decoded(message: CompressedImage) -> NDArray[np.generic]:
     return np.where(stored == 0, np.float32(np.nan), z)
 
 
-def test_millimetres() -> None:
-    assert millimetres(ROW).tolist() == [[500, 1000, 1234, 9999, 10000, 0, 0, 0]]
+def test_millimeters() -> None:
+    assert millimeters(ROW).tolist() == [[500, 1000, 1234, 9999, 10000, 0, 0, 0]]
     edge = np.array([[65.535, 65.536, 0.0004, 0.0, -1.0]], np.float32)
-    assert millimetres(edge).tolist() == [[65535, 0, 0, 0, 0]]
+    assert millimeters(edge).tolist() == [[65535, 0, 0, 0, 0]]
 
 
-def test_metres_stay_as_they_are() -> None:
+def test_meters_stay_as_they_are() -> None:
     same = pixels(ROW, "32FC1")
     assert same.dtype == np.float32
     assert np.array_equal(same, ROW, equal_nan=True)
 
 
-def test_compressed_depth_of_millimetres_is_lossless() -> None:
+def test_compressed_depth_of_millimeters_is_lossless() -> None:
     message = compressed_depth(7, "eye", ROW, "16UC1", 10.0)
     assert (message.stamp_nanos, message.frame) == (7, "eye")
     assert message.format == "16UC1; compressedDepth png"
-    assert np.array_equal(decoded(message), millimetres(ROW))
+    assert np.array_equal(decoded(message), millimeters(ROW))
 
 
-def test_compressed_depth_of_metres_is_within_a_step() -> None:
+def test_compressed_depth_of_meters_is_within_a_step() -> None:
     z = np.linspace(0.16, 10.0, 5000, dtype=np.float32).reshape(50, 100)
     message = compressed_depth(7, "eye", z, "32FC1", 10.0)
     back = decoded(message)
@@ -81,10 +81,10 @@ def test_points_are_where_their_pixels_look() -> None:
     depth_m = np.full((6, 8), 2.0, np.float32)
     depth_m[0, 0], depth_m[2, 2], depth_m[4, 4] = NOTHING
     depth_m[2, 4] = 3.0
-    colour = np.zeros((6, 8, 3), np.uint8)
-    colour[2, 4] = (30, 60, 90)
+    color = np.zeros((6, 8, 3), np.uint8)
+    color[2, 4] = (30, 60, 90)
     slopes = pinhole.rays()[..., :2]
-    cloud = points(7, "eye", depth_m, slopes, every=2, colour=colour)
+    cloud = points(7, "eye", depth_m, slopes, every=2, color=color)
     made = cloud.records()
     kept = [
         (r, c) for r in (0, 2, 4) for c in (0, 2, 4, 6) if (r, c) not in ((0, 0), (2, 2), (4, 4))

@@ -107,21 +107,21 @@ def test_all_of_a_picture_is_of_the_same_pixels() -> None:
     (image,), (file,), (cloud,) = streams[""], streams["compressed"], streams["points"]
     assert isinstance(file, CompressedImage)
     assert isinstance(cloud, PointCloud)
-    millimetres = depth(image)
+    millimeters = depth(image)
     stored = cv2.imdecode(np.frombuffer(file.data[12:], np.uint8), cv2.IMREAD_UNCHANGED)
     assert stored is not None
-    assert np.array_equal(stored, millimetres)
+    assert np.array_equal(stored, millimeters)
     z = cloud.records()["z"]
-    assert np.array_equal(np.rint(z * 1000).astype(int), millimetres[millimetres > 0])
-    assert 3200 < np.median(millimetres[62:68, 55:60]) < 3400
-    assert 7700 < np.median(millimetres[62:68, 90:100]) < 7900
+    assert np.array_equal(np.rint(z * 1000).astype(int), millimeters[millimeters > 0])
+    assert 3200 < np.median(millimeters[62:68, 55:60]) < 3400
+    assert 7700 < np.median(millimeters[62:68, 90:100]) < 7900
     made = world()
     eye = Eye(made, made.vehicles[0], spec())
     eye.take(resting(1)[0])
-    colour = eye.look(0).colour
-    assert streams["color_image"][0].data == colour.tobytes()
+    color = eye.look(0).color
+    assert streams["color_image"][0].data == color.tobytes()
     assert streams["color"][0] == jpeg(
-        EPOCH_NANOS, "one/camera_optical_frame", colour, grey=False, quality=80
+        EPOCH_NANOS, "one/camera_optical_frame", color, gray=False, quality=80
     )
 
 

@@ -33,7 +33,7 @@ def over_the_globe(count: int = 20_000) -> np.ndarray:
     return np.stack([latitudes, (2 * draws[:, 1] - 1) * np.pi, draws[:, 2] * 1e5 - 1e4], axis=1)
 
 
-def metres_between(first: Geodetic, second: Geodetic) -> float:
+def meters_between(first: Geodetic, second: Geodetic) -> float:
     """Return the distance of two places that are near each other."""
     turn = math.remainder(first.longitude_rad - second.longitude_rad, 2 * math.pi)
     return math.hypot(
@@ -63,7 +63,7 @@ def test_the_axes_meet_the_ellipsoid_where_they_should(
 @pytest.mark.parametrize("place", PLACES)
 def test_there_and_back_at_poles_and_meridians(place: tuple[float, float, float]) -> None:
     start = Geodetic.of_degrees(*place)
-    assert metres_between(start, geodetic_from_ecef(ecef_from_geodetic(start))) < BEST_M
+    assert meters_between(start, geodetic_from_ecef(ecef_from_geodetic(start))) < BEST_M
 
 
 def test_there_and_back_over_the_globe() -> None:
@@ -71,7 +71,7 @@ def test_there_and_back_over_the_globe() -> None:
     for row in over_the_globe().tolist():
         start = Geodetic(*row)
         back = geodetic_from_ecef(ecef_from_geodetic(start))
-        worst = max(worst, metres_between(start, back))
+        worst = max(worst, meters_between(start, back))
     assert worst < BEST_M
 
 
@@ -103,5 +103,5 @@ def test_the_tangent_plane_has_right_angles_and_points_up() -> None:
     np.testing.assert_allclose(np.cross(east, north), up, atol=1e-15)
     assert east[2] == 0.0
     higher = geodetic_from_ecef(plane.ecef((0.0, 0.0, 50.0)))
-    assert metres_between(higher, origin._replace(altitude_m=70.0)) < BEST_M
+    assert meters_between(higher, origin._replace(altitude_m=70.0)) < BEST_M
     assert geodetic_from_ecef(plane.ecef((0.0, 5.0, 0.0))).latitude_rad > origin.latitude_rad

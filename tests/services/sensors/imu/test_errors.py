@@ -197,7 +197,7 @@ def test_the_variance_in_the_message_is_that_of_the_noise(rate_hz: float) -> Non
     }
     taken = samples(imu(rate_hz=rate_hz, **spec), states(np.zeros((20_000, 3))))
     count = 3 * len(taken)
-    if rate_hz > 44:  # Neighbours are alike then.
+    if rate_hz > 44:  # Neighbors are alike then.
         count = int(count * 88 / rate_hz)
     for felt, said in (
         (forces(taken), [s.linear_acceleration_variance for s in taken]),

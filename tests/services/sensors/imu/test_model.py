@@ -138,7 +138,7 @@ def test_a_turned_mount_turns_readings_and_orientation() -> None:
 
 @pytest.mark.parametrize("rate_hz", [400, 100, 30])
 @pytest.mark.parametrize("mount_xyz_m", [(0.5, 0, 0), (0.3, -0.4, 0.2)])
-def test_off_centre_in_a_steady_turn_it_reads_the_centripetal_acceleration(
+def test_off_center_in_a_steady_turn_it_reads_the_centripetal_acceleration(
     rate_hz: float, mount_xyz_m: tuple[float, float, float]
 ) -> None:
     omega = 2.0
@@ -151,7 +151,7 @@ def test_off_centre_in_a_steady_turn_it_reads_the_centripetal_acceleration(
     np.testing.assert_allclose(rates(taken), [[0, 0, omega]] * len(taken), atol=1e-11)
 
 
-def test_off_centre_in_a_growing_turn_it_reads_the_euler_term() -> None:
+def test_off_center_in_a_growing_turn_it_reads_the_euler_term() -> None:
     alpha, radius = 3.0, 0.5
     taken = samples(
         imu(mount=Mount(xyz_m=(radius, 0, 0))),

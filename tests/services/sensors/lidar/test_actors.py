@@ -59,7 +59,7 @@ def test_a_moving_board_is_met_where_it_is_at_each_rays_time() -> None:
         seconds += rooms.sim_seconds(cloud)[on_it].tolist()
     assert len(met) > 200
     assert np.ptp(seconds) > 0.25
-    # It moves by half a metre while the beam sweeps over it.
+    # It moves by half a meter while the beam sweeps over it.
     assert np.abs(met).max() < 1e-3
 
 

@@ -71,7 +71,7 @@ def test_noise_has_the_data_sheets_sigma() -> None:
     # Chi-square at five sigma of its own spread, to both sides.
     assert abs(np.sum((error / 0.03) ** 2) - count) < 5 * np.sqrt(2 * count)
     assert stats.kstest(error.ravel() / 0.03, "norm").pvalue > 1e-3
-    # Neighbours in either direction know nothing of each other.
+    # Neighbors in either direction know nothing of each other.
     for a, b in ((error[1:], error[:-1]), (error[:, 1:], error[:, :-1])):
         assert abs(np.corrcoef(a.ravel(), b.ravel())[0, 1]) < 5 / np.sqrt(count)
 

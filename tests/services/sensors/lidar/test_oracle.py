@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Clouds of a whole model against the oracle: 136 bodies that move and turn, as does the sensor.
 
-No ray is left out. One that passes an edge within micrometres may go either way, by what float32
+No ray is left out. One that passes an edge within micrometers may go either way, by what float32
 rounds; with these seeds none does.
 """
 

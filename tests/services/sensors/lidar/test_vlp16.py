@@ -99,7 +99,7 @@ def decoded(lidar: Lidar, packets: list[bytes]) -> np.ndarray:
 
 
 def polar(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return range in metres, azimuth and elevation in degrees."""
+    """Return range in meters, azimuth and elevation in degrees."""
     across = np.hypot(x, y)
     return np.hypot(across, z), np.degrees(np.arctan2(y, x)), np.degrees(np.arctan2(z, across))
 

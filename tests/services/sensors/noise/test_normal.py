@@ -39,7 +39,7 @@ def test_tails(drawn: NDArray[np.float64], sigmas: int) -> None:
         assert abs(tail.sum() - expected) < 5 * np.sqrt(expected)
 
 
-def test_neighbours_are_independent(drawn: NDArray[np.float64]) -> None:
+def test_neighbors_are_independent(drawn: NDArray[np.float64]) -> None:
     for lag in (1, 2, 3):
         for power in (1, 2):
             a, b = drawn[:-lag] ** power, drawn[lag:] ** power

@@ -26,7 +26,7 @@ def test_every_part_of_the_key_counts() -> None:
     assert len({draw.tobytes() for draw in draws}) == 24
 
 
-def test_neighbouring_ticks_do_not_overlap() -> None:
+def test_neighboring_ticks_do_not_overlap() -> None:
     streams = RandomStreams(1, "rover/lidar")
     first, second = (streams.at("range", tick).random(100_000) for tick in (0, 1))
     assert not set(first) & set(second)

@@ -43,7 +43,7 @@ def test_every_sheet_fits_and_measures_a_wall(name: str, radiation: str) -> None
     assert abs(reading.range_m - distance_m) < 4 * sigma + 0.02 * distance_m
 
 
-def test_the_vl53l1x_sees_grey_about_as_far_as_its_sheet_says() -> None:
+def test_the_vl53l1x_sees_gray_about_as_far_as_its_sheet_says() -> None:
     spec = read("vl53l1x")
     assert spec.max_range_m * math.sqrt(0.17 / spec.full_range_reflectivity) == pytest.approx(
         1.7, rel=0.1

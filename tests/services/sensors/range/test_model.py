@@ -24,7 +24,7 @@ AHEAD = Mount((1.0, 0.0, 0.5))
 """Beyond the wheels, 0.5 m above the base."""
 
 
-def wall(distance_m: float, yaw_deg: float = 0.0, material: str = "grey") -> Any:
+def wall(distance_m: float, yaw_deg: float = 0.0, material: str = "gray") -> Any:
     """Return a wall whose face is at this distance from the sensor, turned about that point."""
     yaw = math.radians(yaw_deg)
     half = 0.5  # of its thickness
@@ -133,7 +133,7 @@ def test_sound_is_lost_on_slanted_walls(yaw_deg: float) -> None:
 
 @pytest.mark.parametrize(
     ("material", "distance_m", "seen"),
-    [("grey", 3.9, True), ("black", 1.9, True), ("black", 2.1, False)],
+    [("gray", 3.9, True), ("black", 1.9, True), ("black", 2.1, False)],
 )
 def test_light_sees_dark_surfaces_less_far(material: str, distance_m: float, seen: bool) -> None:
     found = measured(

@@ -217,7 +217,7 @@ def test_the_engines_agree() -> None:
         scene.move(poses)
         answers.append(scene.cast(*cast, 100.0))
     embree, builtin = answers
-    # A ray that passes an edge within micrometres may meet what is on either side.
+    # A ray that passes an edge within micrometers may meet what is on either side.
     same = (embree.label == builtin.label) & (embree.body == builtin.body)
     same &= np.abs(embree.normal_in_world - builtin.normal_in_world).max(axis=0) < 1e-6
     assert np.mean(same) > 1 - 2e-4

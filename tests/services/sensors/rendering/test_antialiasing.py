@@ -65,7 +65,7 @@ def covered(finer: int) -> Floats:
 @pytest.mark.parametrize(("samples", "most"), [(4, 0.13), (16, 0.08)])
 def test_an_edge_has_the_light_of_what_it_covers(samples: int, most: float) -> None:
     """In linear light. One sample a pixel is off by 0.3 or more."""
-    light = (before_another(samples=samples).draw(SLANTED).colour[..., 1] / 255.0) ** 2
+    light = (before_another(samples=samples).draw(SLANTED).color[..., 1] / 255.0) ** 2
     share = covered(16)
     bright, dark = np.median(light[share == 1]), np.median(light[share == 0])
     partly = (share > 0) & (share < 1)
@@ -105,8 +105,8 @@ def corner_errors(samples: int) -> tuple[NDArray[np.float64], NDArray[np.float64
     errors: list[list[NDArray[np.float64]]] = [[], []]
     for pose in calibration.poses(spec, 0.42, VIEW)[:12]:
         for eye, board_from_optical in enumerate((pose, pose @ right)):
-            drawn = renderer.draw(calibration.WORLD_FROM_BOARD @ board_from_optical).colour
-            grey = cv2.cvtColor(drawn, cv2.COLOR_RGB2GRAY)
+            drawn = renderer.draw(calibration.WORLD_FROM_BOARD @ board_from_optical).color
+            gray = cv2.cvtColor(drawn, cv2.COLOR_RGB2GRAY)
             corners = np.asarray(calibration.CORNERS, np.float64)
             true = calibration.projected(spec, corners, np.linalg.inv(board_from_optical), VIEW)
             rows = true.reshape(*calibration.INNER[::-1], 2)
@@ -115,7 +115,7 @@ def corner_errors(samples: int) -> tuple[NDArray[np.float64], NDArray[np.float64
             inside = ((true > half + 3) & (true < limit - half)).all(axis=1)
             begun = np.where(inside[:, None], true + 0.3, 20.0).astype(np.float32)
             around = (half, half), (-1, -1), (3, 100, 1e-5)
-            found = cv2.cornerSubPix(grey, begun.reshape(-1, 1, 2), *around)
+            found = cv2.cornerSubPix(gray, begun.reshape(-1, 1, 2), *around)
             error = found.reshape(-1, 2) - true
             found_it = inside & (np.abs(error) < 2.0).all(axis=1)
             errors[eye].append(np.where(found_it[:, None], error, np.nan))

@@ -102,7 +102,7 @@ def poses(spec: lenses.Lens, away_m: float, pinhole: Pinhole = PINHOLE) -> list[
 
 
 def drawn(scenario: Scenario, spec: lenses.Lens, away_m: float) -> list[NDArray[np.uint8]]:
-    """Return grey pictures of the board through a lens."""
+    """Return gray pictures of the board through a lens."""
     made = LensOptics(spec, PINHOLE)
     renderer: Renderer = views.renderer(scenario, made.drawn)
     renderer.add(chessboard())
@@ -114,8 +114,8 @@ def drawn(scenario: Scenario, spec: lenses.Lens, away_m: float) -> list[NDArray[
     )
     pictures = []
     for tick, pose in enumerate(poses(spec, away_m)):
-        colour = made.seen(renderer.draw(WORLD_FROM_BOARD @ pose)).colour
-        pictures.append(grain.read(np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY)), tick))
+        color = made.seen(renderer.draw(WORLD_FROM_BOARD @ pose)).color
+        pictures.append(grain.read(np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)), tick))
     return pictures
 
 

@@ -18,7 +18,7 @@ from services.sensors.rendering.gl.target import ALL_LAYERS
 from . import views
 
 PINHOLE = Pinhole(240, 180, 190.0, 170.0, 100.0, 95.5)
-"""Neither square nor centred."""
+"""Neither square nor centered."""
 
 POSES = {
     "lab": [
@@ -43,7 +43,7 @@ def cast(replica: Replica, world_from_optical: Floats) -> tuple[Floats, Floats, 
 
 
 def inside(normals: Floats, labels: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Return the pixels whose neighbours see the same plane of the same solid."""
+    """Return the pixels whose neighbors see the same plane of the same solid."""
     same = np.ones(labels.shape, bool)
     for axis in (0, 1):
         for step in (-1, 1):

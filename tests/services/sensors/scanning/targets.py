@@ -24,7 +24,7 @@ from tests.services.sensors.lidar import rooms
 Floats = NDArray[np.float64]
 MATERIALS = {
     "white": Material(1.0),
-    "grey": Material(0.5),
+    "gray": Material(0.5),
     "dark": Material(0.1),
     "rubber": Material(0.05),
     "sign": Material(0.5, retroreflectivity=1.0),

@@ -24,7 +24,7 @@ NEAR_M, FAR_M = 10.0, 13.0
 
 
 def half_covered(
-    covered_m: float, *, near: str = "grey", far: str = "grey", **spec: Any
+    covered_m: float, *, near: str = "gray", far: str = "gray", **spec: Any
 ) -> Returns:
     """Look along x at a far wall, of which a near one covers what is left of y = `covered_m`."""
     screen = targets.box(near, (NEAR_M + 0.05, covered_m + 5, 0), (0.1, 10, 10), "screen")
@@ -33,7 +33,7 @@ def half_covered(
 
 
 def reported(seen: Returns) -> list[tuple[float, int]]:
-    """Return range, rounded to a centimetre, and label of each return of the one beam."""
+    """Return range, rounded to a centimeter, and label of each return of the one beam."""
     assert seen.range_m.shape[1:] == (1, 1)
     return [
         (round(float(range_m), 2), int(label))
@@ -80,7 +80,7 @@ def test_what_is_reported_of_a_beam_on_an_edge(
 def test_of_the_last_that_is_the_strongest_the_second_strongest_is_reported() -> None:
     rows = [
         targets.box("dark", (10.0, 5.02, 0), (0.1, 10, 10), "weak"),
-        targets.box("grey", (15.0, 5.0, 0), (0.1, 10, 10), "middle"),
+        targets.box("gray", (15.0, 5.0, 0), (0.1, 10, 10), "middle"),
         targets.wall("white", 20.0, "last"),
     ]
     # 4 rays of 0.1 / 100, 4 of 0.5 / 225, 8 of 1 / 400.
@@ -98,7 +98,7 @@ def test_ranges_and_shares_of_the_parts() -> None:
 
 
 def test_a_slanted_surface_is_one_return_at_its_mean() -> None:
-    floor = targets.box("grey", (0, 0, -2.5), (900, 900, 1), "floor")
+    floor = targets.box("gray", (0, 0, -2.5), (900, 900, 1), "floor")
     steep = {"elevations_deg": [-30.0], "returns": "dual", **AXIS, **WIDE}
     seen = targets.returns(floor, **steep)
     assert len(reported(seen)) == 1
@@ -109,7 +109,7 @@ def test_a_slanted_surface_is_one_return_at_its_mean() -> None:
 
 
 def test_a_beam_of_many_rays_on_a_flat_wall_is_one_ray() -> None:
-    wall = targets.wall("grey", 20.0)
+    wall = targets.wall("gray", 20.0)
     lasers = {"elevations_deg": [-2.0, 0.0, 2.0]}
     plain = targets.returns(wall, **lasers)
     wide = targets.returns(wall, **lasers, divergence_mrad=[3.0, 1.5], rays_per_beam=64)
@@ -124,9 +124,9 @@ def test_divergence_is_the_full_angle_across_and_upward(divergence: list[float],
 
     def covers(offset_m: float) -> bool:
         at = (NEAR_M + 0.05, *((5 + offset_m, 0) if edge == "y" else (0, 5 + offset_m)))
-        screen = targets.box("grey", at, (0.1, 10, 10), "screen")
+        screen = targets.box("gray", at, (0.1, 10, 10), "screen")
         spec = {**AXIS, "divergence_mrad": divergence, "rays_per_beam": 16, "returns": "dual"}
-        return len(reported(targets.returns(screen, targets.wall("grey", FAR_M), **spec))) == 2
+        return len(reported(targets.returns(screen, targets.wall("gray", FAR_M), **spec))) == 2
 
     assert [covers(x) for x in (-0.076, -0.074, 0.0, 0.074, 0.076)] == [False, *[True] * 3, False]
 
@@ -139,7 +139,7 @@ def test_what_is_nearer_than_the_least_range_hides_only_its_part_of_a_beam() -> 
 
 def test_rays_of_a_wide_beam_go_straight_in_their_directions() -> None:
     wide = {"divergence_mrad": [400.0, 200.0], "rays_per_beam": 16}
-    seen = targets.returns(targets.wall("grey", 10.0), **AXIS, **wide)
+    seen = targets.returns(targets.wall("gray", 10.0), **AXIS, **wide)
     cells = np.array([-0.375, -0.125, 0.125, 0.375])
     across, upward = np.meshgrid(np.tan(0.4) * cells, np.tan(0.2) * cells)
     ranges = 10 * np.sqrt(1 + across**2 + upward**2)

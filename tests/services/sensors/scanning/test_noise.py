@@ -26,7 +26,7 @@ def chi_square_holds(standardised: np.ndarray) -> None:
 
 def errors(**spec: Any) -> tuple[np.ndarray, np.ndarray]:
     """Return errors and true ranges on a flat wall 20 m ahead, shape (lasers, firings)."""
-    seen = targets.returns(targets.wall("grey", 20.0), **{**LASERS, **spec})
+    seen = targets.returns(targets.wall("gray", 20.0), **{**LASERS, **spec})
     assert seen.returned.all()
     assert seen.true_range_m.min() == pytest.approx(20.0, abs=1e-4)
     return (seen.range_m - seen.true_range_m)[0].astype(np.float64), seen.true_range_m[0]
@@ -45,7 +45,7 @@ def test_constant_noise() -> None:
 @pytest.mark.parametrize("distance_m", [5.0, 80.0])
 @pytest.mark.parametrize("constant_m", [0.0, 0.01])
 def test_proportional_noise(distance_m: float, constant_m: float) -> None:
-    wall = targets.wall("grey", distance_m)
+    wall = targets.wall("gray", distance_m)
     seen = targets.returns(wall, range_stddev_m=constant_m, range_stddev_share=0.002, **LASERS)
     sigma = np.hypot(constant_m, 0.002 * seen.true_range_m)
     chi_square_holds(((seen.range_m - seen.true_range_m) / sigma)[0])
@@ -68,8 +68,8 @@ def test_jitter_is_seen_where_the_wall_is_slanted(across_deg: float, upward_deg:
     The point is reported in the nominal direction, at the range that the true ray met.
     """
     height, distance = 2.0, 20.0
-    side = targets.box("grey", (0, distance + 0.5, 0), (900, 1, 900), "side")
-    floor = targets.box("grey", (0, 0, -height - 0.5), (900, 900, 1), "floor")
+    side = targets.box("gray", (0, distance + 0.5, 0), (900, 1, 900), "side")
+    floor = targets.box("gray", (0, 0, -height - 0.5), (900, 900, 1), "floor")
     jitter = {"azimuth_stddev_deg": across_deg, "elevation_stddev_deg": upward_deg}
 
     # R = d / (sin(azimuth) cos(elevation)): in the first quarter both count.
@@ -104,9 +104,9 @@ def test_jitter_is_seen_where_the_wall_is_slanted(across_deg: float, upward_deg:
 
 
 def test_both_returns_of_a_beam_have_noise_of_their_own() -> None:
-    post = targets.box("grey", (10.05, 0, 5), (0.1, 10, 10), "upper_half")
+    post = targets.box("gray", (10.05, 0, 5), (0.1, 10, 10), "upper_half")
     beams = {"divergence_mrad": [3.0, 3.0], "rays_per_beam": 4, "returns": "dual"}
-    seen = targets.returns(post, targets.wall("grey", 20.0), range_stddev_m=0.02, **beams)
+    seen = targets.returns(post, targets.wall("gray", 20.0), range_stddev_m=0.02, **beams)
     assert seen.returned.all()
     errors = (seen.range_m - seen.true_range_m)[:, 0]
     for error in errors:
@@ -116,7 +116,7 @@ def test_both_returns_of_a_beam_have_noise_of_their_own() -> None:
 
 def test_angles_without_jitter_are_exact() -> None:
     """The path of rays with a jitter of nearly nothing gives what the plain one does."""
-    wall = targets.wall("grey", 20.0)
+    wall = targets.wall("gray", 20.0)
     plain = targets.returns(wall, **LASERS)
     trembling = targets.returns(wall, azimuth_stddev_deg=1e-12, **LASERS)
     np.testing.assert_allclose(trembling.range_m, plain.range_m, atol=5e-6)

@@ -27,7 +27,7 @@ def intensity(material: str, distance_m: float, **spec: Any) -> float:
 
 @pytest.mark.parametrize("distance_m", [1.0, 7.0, 42.0, 99.0])
 def test_calibrated_intensity_does_not_depend_on_distance(distance_m: float) -> None:
-    assert [intensity(m, distance_m) for m in ("white", "grey", "dark")] == [100, 50, 10]
+    assert [intensity(m, distance_m) for m in ("white", "gray", "dark")] == [100, 50, 10]
 
 
 def test_received_intensity_goes_with_distance_squared() -> None:
@@ -39,7 +39,7 @@ def test_received_intensity_goes_with_distance_squared() -> None:
 
 
 def test_intensity_goes_with_the_cosine_of_incidence() -> None:
-    made = targets.scenario(targets.wall("grey", 10.0), start_deg=60.0)
+    made = targets.scenario(targets.wall("gray", 10.0), start_deg=60.0)
     seen, azimuth = targets.measured(made), targets.azimuths(made)
     np.testing.assert_allclose(seen.intensity[0], 50 * np.cos(azimuth), atol=0.5 + 1e-4)
 
@@ -56,7 +56,7 @@ def test_retroreflectors_are_above_a_hundred_up_to_255() -> None:
 @pytest.mark.parametrize("wide", [{}, {"divergence_mrad": [0.1, 0.1], "rays_per_beam": 4}])
 @pytest.mark.parametrize(
     ("material", "reach_m"),
-    [("white", 100.0), ("grey", 100 * np.sqrt(0.5 / 0.8)), ("dark", 100 * np.sqrt(0.1 / 0.8))],
+    [("white", 100.0), ("gray", 100 * np.sqrt(0.5 / 0.8)), ("dark", 100 * np.sqrt(0.1 / 0.8))],
 )
 def test_what_is_too_dark_for_its_distance_is_not_noticed(
     material: str, reach_m: float, wide: dict[str, Any]
@@ -71,7 +71,7 @@ def test_what_is_too_dark_for_its_distance_is_not_noticed(
 
 def test_slanted_surfaces_are_noticed_less_far() -> None:
     """rho cos(i) / R^2 on a wall along the way, d away: cos(i) = d / R, so R^3 = d rho / P."""
-    side = targets.box("grey", (0, 5.5, 0), (900, 1, 900), "side")
+    side = targets.box("gray", (0, 5.5, 0), (900, 1, 900), "side")
     sheet = {"full_range_reflectivity": 0.5, "max_range_m": 100.0}
     made = targets.scenario(side, start_deg=12.0, **sheet)
     seen = targets.measured(made)

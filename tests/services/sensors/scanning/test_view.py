@@ -82,8 +82,8 @@ def test_a_head_is_where_its_encoder_is_read(rotation: str, sign: int) -> None:
 
 def test_rays_meet_what_is_in_their_direction() -> None:
     """A left and a right wall at their own distances; nothing ahead, and no ray back."""
-    left = targets.box("grey", (0, 5.5, 0), (400, 1, 400), "left")
-    right = targets.box("grey", (0, -3.5, 0), (400, 1, 400), "right")
+    left = targets.box("gray", (0, 5.5, 0), (400, 1, 400), "left")
+    right = targets.box("gray", (0, -3.5, 0), (400, 1, 400), "right")
     made = targets.scenario(left, right, **PLANAR)
     seen, azimuth = targets.measured(made), targets.azimuths(made)[0]
     expected = np.where(azimuth > 0, 5, 3) / np.maximum(np.abs(np.sin(azimuth)), 1e-9)
@@ -93,7 +93,7 @@ def test_rays_meet_what_is_in_their_direction() -> None:
 
 
 def test_a_scan_leaves_with_the_first_state_after_its_last_ray() -> None:
-    made = targets.scenario(targets.wall("grey", 5.0), **PLANAR)
+    made = targets.scenario(targets.wall("gray", 5.0), **PLANAR)
     sensor = targets.scanner(made)
     came = [
         (state.tick, scan.nanos // TICK_NANOS, scan.revolution, scan.firings)

@@ -51,7 +51,7 @@ def label(seen: Returns) -> int | None:
     return int(seen.label.flat[0]) if seen.returned.flat[0] else None
 
 
-@pytest.mark.parametrize(("material", "rho"), [("white", 1.0), ("grey", 0.5), ("dark", 0.1)])
+@pytest.mark.parametrize(("material", "rho"), [("white", 1.0), ("gray", 0.5), ("dark", 0.1)])
 @pytest.mark.parametrize(
     ("weather", "extinction_per_m"),
     [
@@ -84,9 +84,9 @@ def test_fog_hides_what_is_weaker_than_itself(min_range_m: float, first_m: float
     crossing = reach_m(0.5, FOG_PER_M, least)
     assert 3 < crossing < 30
     sheet = {"min_range_m": min_range_m}
-    assert label(along_x("grey", crossing - 0.05, FOG, **sheet)) == 1
-    assert label(along_x("grey", crossing + 0.05, FOG, **sheet)) == -1
-    both = along_x("grey", crossing + 0.05, FOG, returns="dual", **sheet)
+    assert label(along_x("gray", crossing - 0.05, FOG, **sheet)) == 1
+    assert label(along_x("gray", crossing + 0.05, FOG, **sheet)) == -1
+    both = along_x("gray", crossing + 0.05, FOG, returns="dual", **sheet)
     assert both.returned.all()
     assert both.label.ravel().tolist() == [1, -1]
 
@@ -97,7 +97,7 @@ def test_the_echo_of_fog_lies_in_the_first_half_pulse() -> None:
     assert set(seen.label.ravel()) == set(seen.body.ravel()) == {-1}
     deep = (seen.range_m.ravel() - 1.0) / CELL_M
     assert stats.kstest(deep, "uniform").pvalue > 1e-3
-    near = along_x("grey", 1.3, FOG, field_of_view_deg=5.0, start_deg=2.5, returns="dual")
+    near = along_x("gray", 1.3, FOG, field_of_view_deg=5.0, start_deg=2.5, returns="dual")
     assert (near.label[0] == 1).all()
     behind = near.range_m[1][near.returned[1]]
     assert 0.2 < len(behind) / near.label[1].size < 0.5  # a third of the half pulse is before it
@@ -106,7 +106,7 @@ def test_the_echo_of_fog_lies_in_the_first_half_pulse() -> None:
 
 @pytest.mark.parametrize("side", [-1, 1])
 def test_fog_is_not_seen_behind_what_covers_a_part_of_the_beam(side: int) -> None:
-    post = targets.box("grey", (1.25, side * 5.0, 0), (0.1, 10, 10), "half")
+    post = targets.box("gray", (1.25, side * 5.0, 0), (0.1, 10, 10), "half")
     beams = {"divergence_mrad": [9.0, 9.0], "rays_per_beam": 4, "returns": "dual", **AXIS}
     spec = {**SHEET, **beams, "elevations_deg": np.linspace(-1, 1, 99).tolist()}
     seen = targets.returns(post, weather=FOG, **spec)
@@ -137,7 +137,7 @@ def test_dust_weakens_by_the_way_through_it() -> None:
 
 def test_dust_is_seen_where_a_ray_enters_it() -> None:
     cloud = dust(5.0, from_m=10, to_m=20)
-    seen = along_x("grey", 30.0, cloud, field_of_view_deg=5.0, start_deg=2.5)
+    seen = along_x("gray", 30.0, cloud, field_of_view_deg=5.0, start_deg=2.5)
     assert seen.returned.all()
     assert set(seen.label.ravel()) == {-1}
     deep = (seen.range_m.ravel() - 10) / CELL_M
@@ -145,7 +145,7 @@ def test_dust_is_seen_where_a_ray_enters_it() -> None:
     assert deep.max() <= 1.01  # slanted
     assert stats.kstest(deep, "uniform").pvalue > 1e-3
     # Too thin to be seen itself.
-    assert label(along_x("grey", 30.0, dust(500.0, from_m=10, to_m=20))) == 1
+    assert label(along_x("gray", 30.0, dust(500.0, from_m=10, to_m=20))) == 1
     # Around the sensor it is seen where its echoes begin.
     within = targets.returns(weather=dust(5.0, from_m=-2, to_m=2), **SHEET)
     assert 1.0 <= within.range_m.min() < within.range_m.max() <= 1.01 + CELL_M
@@ -217,7 +217,7 @@ def test_false_returns_of_rain_are_poissons(rain_mm_per_h: float) -> None:
     cumulated = np.array([1 - math.exp(-drops_up_to(r, rain_mm_per_h)) for r in grid]) / share
     assert stats.kstest(ranges, lambda r: np.interp(r, grid, cumulated)).pvalue > 1e-3
     assert set(seen.label[seen.returned]) == {-1}
-    # Neighbours know nothing of each other.
+    # Neighbors know nothing of each other.
     fell = seen.returned[0].astype(float)
     assert abs(np.corrcoef(fell[:, 1:].ravel(), fell[:, :-1].ravel())[0, 1]) < 5 / math.sqrt(beams)
 
@@ -227,9 +227,9 @@ def test_drops_are_dim_and_hide_no_near_wall() -> None:
     bare = targets.returns(weather=rain, **WET)
     # The brightest drop seen at 1 m is as bright as a surface of a few percent there.
     assert bare.intensity[bare.returned].max() <= 2
-    near = targets.returns(targets.wall("grey", 4.0), weather=rain, **WET)
+    near = targets.returns(targets.wall("gray", 4.0), weather=rain, **WET)
     assert (near.label == 1).mean() > 0.999
-    both = targets.returns(targets.wall("grey", 4.0), weather=rain, **WET, returns="dual")
+    both = targets.returns(targets.wall("gray", 4.0), weather=rain, **WET, returns="dual")
     share = 1 - math.exp(-drops_up_to(4.0, 50.0))
     fell = np.count_nonzero(both.returned[1])
     count = both.returned[1].size
@@ -260,7 +260,7 @@ def test_blocks_hold_the_very_numbers_of_the_revolution() -> None:
 
     def seen(**spec: Any) -> list[Returns]:
         made = targets.scenario(
-            targets.wall("grey", 12.0), weather=weather, returns="dual", **{**WET, **spec}
+            targets.wall("gray", 12.0), weather=weather, returns="dual", **{**WET, **spec}
         )
         sensor = targets.scanner(made)
         fed = rooms.states(made, targets.at_rest, 41)

@@ -75,7 +75,7 @@ def test_topics_are_those_of_stereo_image_proc() -> None:
         assert {topic for topic in sent if topic.startswith("/stereo/")} == wanted
 
 
-def test_eyes_are_synchronised_and_rectified() -> None:
+def test_eyes_are_synchronized_and_rectified() -> None:
     streams = taken(resting(41), world(), spec(publish="both"))
     assert streams.keys() == spec(publish="both").ros_topics().keys()
     for messages in streams.values():
@@ -204,11 +204,11 @@ def test_neither_eye_overwrites_the_other() -> None:
     left, right = pixels(streams[""][0]), pixels(streams["right"][0])
     eye = Eye(made, made.vehicles[0], spec())
     eye.take(resting(1)[0])
-    assert np.array_equal(left, eye.look(0).colour)
+    assert np.array_equal(left, eye.look(0).color)
     assert not np.array_equal(left, right)
 
 
-def test_grey_jpegs_show_the_same() -> None:
+def test_gray_jpegs_show_the_same() -> None:
     streams = taken(resting(1), world(), spec(publish="both", encoding="mono8", jpeg_quality=95))
     for raw, compressed in (("", "compressed"), ("right", "right_compressed")):
         file = np.frombuffer(streams[compressed][0].data, np.uint8)

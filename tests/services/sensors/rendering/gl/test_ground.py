@@ -78,7 +78,7 @@ def test_errors_are_upper_bounds(rows: int, columns: int) -> None:
         np.maximum.at(worst, patch, apart)
         assert (worst <= level.error_m + 1e-4).all()
         if stride in (2, 4):
-            # Patches share their edges: the worst place may be counted to its neighbour here.
+            # Patches share their edges: the worst place may be counted to its neighbor here.
             assert np.median(worst - level.error_m) > -0.05 * level.error_m.max(), "too careful"
 
 
@@ -143,14 +143,14 @@ def without_skirts(patch: Any) -> Any:
 
 
 def away_from_edges(depth_m: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Return the pixels whose neighbours to the left and right are at about the same distance."""
+    """Return the pixels whose neighbors to the left and right are at about the same distance."""
     around = [np.roll(1 / depth_m, step, axis=1) for step in (-1, 0, 1)]
     return np.ptp(around, axis=0) < 0.1 / depth_m
 
 
 @pytest.mark.parametrize("at", [(0.0, 0.0), (5990.0, -5980.0)])
 def test_depth_is_that_of_rays(at: tuple[float, float]) -> None:
-    """Near to a millimetre, also far from the origin; farther off to half a pixel."""
+    """Near to a millimeter, also far from the origin; farther off to half a pixel."""
     scenario = hilly(
         waves(1201, 1201, high=30.0, long=150.0),
         box("post", (0.3, 0.3, 30.0), (at[0] + 6.0, at[1] + 1.0, 0.0)),
@@ -182,16 +182,16 @@ def test_the_ground_shows_its_materials() -> None:
     surface = np.zeros((60, 60), np.uint8)
     surface[:, 30:] = 1  # sand in the east
     made = views.renderer(hilly(np.zeros((61, 61)), surface=surface), PINHOLE)
-    colour = made.draw(views.looking((0.0, 0.0, 6.0), yaw_deg=90.0, pitch_deg=45.0)).colour
+    color = made.draw(views.looking((0.0, 0.0, 6.0), yaw_deg=90.0, pitch_deg=45.0)).color
     grass, sand = (
-        colour[80:, half].astype(float).mean(axis=(0, 1))
+        color[80:, half].astype(float).mean(axis=(0, 1))
         for half in (slice(0, 100), slice(220, None))
     )
     assert grass[1] > 1.4 * grass[0]
     assert sand[0] > 1.4 * sand[1]
-    # There is something to track, and colours flow into each other.
-    assert colour[150:, :100].std(axis=(0, 1)).max() > 4
-    across = colour[200, :, 0].astype(float)
+    # There is something to track, and colors flow into each other.
+    assert color[150:, :100].std(axis=(0, 1)).max() > 4
+    across = color[200, :, 0].astype(float)
     smoothed = np.convolve(across, np.ones(9) / 9, "valid")
     assert np.abs(np.diff(smoothed)).max() < 0.15 * (sand[0] - grass[0])
 
@@ -205,8 +205,8 @@ def test_hills_and_things_throw_shadows() -> None:
     made = views.renderer(scenario, PINHOLE)
 
     def level(x: float, y: float) -> float:
-        colour = made.draw(views.looking((x, y, 8.0), pitch_deg=90.0)).colour
-        return float(colour[110:130, 150:170].mean())
+        color = made.draw(views.looking((x, y, 8.0), pitch_deg=90.0)).color
+        return float(color[110:130, 150:170].mean())
 
     # 4 m / tan(30 deg): 6.9 m of shadow to the east of the ridge at x = -20; of the roof 5.2 m.
     lit = level(0.0, 10.0)
@@ -224,13 +224,13 @@ def test_a_vehicle_throws_a_shadow_wherever_it_is() -> None:
     for x in (0.0, 3000.0):
         eye = views.looking((x, 1.5, 1.5), yaw_deg=-90.0, pitch_deg=45.0)
         made.place(views.parked(around, (x, 0.0, -300.0)))
-        empty = made.draw(eye).colour.copy()
+        empty = made.draw(eye).color.copy()
         made.place(views.parked(around, (x, 0.0, 0.3)))
         frame = made.draw(eye)
         terrain = frame.labels == made.labels.instances.index("terrain")
         vehicle = frame.labels == made.labels.of_mover("rover")
         assert vehicle.sum() > 300
-        darker = empty.astype(int).mean(axis=-1) - frame.colour.mean(axis=-1) > 25
+        darker = empty.astype(int).mean(axis=-1) - frame.color.mean(axis=-1) > 25
         assert (darker & terrain).sum() > 0.15 * vehicle.sum()
 
 
@@ -251,7 +251,7 @@ def test_bare_terrain_is_lit_but_for_the_shadow_of_the_vehicle(away_m: float) ->
     for z_m in (0.4, 500.0):
         made = Renderer(scenario.world, around, PINHOLE)
         made.place(views.parked(around, (0.0, 0.0, z_m)) + np.pad(in_base, ((0, 0), (0, 4))))
-        pictures.append(made.draw(pose).colour.astype(int))
+        pictures.append(made.draw(pose).color.astype(int))
     rows, columns = np.nonzero(np.abs(pictures[0] - pictures[1]).max(axis=-1) > 2)
     # The car and its shadow are within 6 m of the origin, which is in the middle of the picture.
     reach_px = 6.0 * PINHOLE.fx / (away_m * np.hypot(1.0, 0.5) - min(6.0, away_m / 2))
@@ -277,7 +277,7 @@ def test_patterns_stay_where_they_are() -> None:
     made = views.renderer(hilly(np.zeros((41, 41))), PINHOLE)
     # From 8 m straight down 1 m is 25 pixels; the top of the picture is east.
     here, there = (
-        made.draw(views.looking((x, 0.0, 8.0), pitch_deg=90.0)).colour.astype(float)
+        made.draw(views.looking((x, 0.0, 8.0), pitch_deg=90.0)).color.astype(float)
         for x in (0.3, 2.3)
     )
     moved = np.abs(here[:-50] - there[50:]).mean()
@@ -286,8 +286,8 @@ def test_patterns_stay_where_they_are() -> None:
 
 def test_lamps_light_terrain_too() -> None:
     made = views.renderer(hilly(np.zeros((9, 9)), light=Lamps(at_m=((0.0, 0.0, 2.5),))), PINHOLE)
-    colour = made.draw(views.looking((-3.0, 0.0, 2.0), pitch_deg=35.0)).colour
-    assert colour[118:122, 150:170].mean() > 1.1 * colour[-5:, :20].mean()
+    color = made.draw(views.looking((-3.0, 0.0, 2.0), pitch_deg=35.0)).color
+    assert color[118:122, 150:170].mean() > 1.1 * color[-5:, :20].mean()
 
 
 def test_the_same_bits_whatever_was_drawn_before() -> None:
@@ -296,7 +296,7 @@ def test_the_same_bits_whatever_was_drawn_before() -> None:
     here = above(scenario, 0.0, 0.0, 1.0)
     second.draw(above(scenario, 60.0, -40.0, 20.0, yaw_deg=70.0))
     one, other = first.draw(here), second.draw(here)
-    assert np.array_equal(one.colour, other.colour)
+    assert np.array_equal(one.color, other.color)
     assert np.array_equal(one.depth_m, other.depth_m)
 
 

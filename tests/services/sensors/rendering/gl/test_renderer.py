@@ -35,7 +35,7 @@ def lit(*solids: Any, light: Sun | Lamps | None = None, **fields: Any) -> Scenar
     made = yard(*solids)
     materials = {
         **made.world.materials,
-        "grey": Material(color=(0.3, 0.3, 0.3), texture="plain"),
+        "gray": Material(color=(0.3, 0.3, 0.3), texture="plain"),
         "black": Material(color=(0.2, 0.2, 0.2)),
     }
     world = replace(made.world, materials=materials, solids=solids, light=light, **fields)
@@ -43,9 +43,9 @@ def lit(*solids: Any, light: Sun | Lamps | None = None, **fields: Any) -> Scenar
     return replace(made, world=world, vehicles=(high,))
 
 
-def brightness(colour: NDArray[np.uint8], row: int, column: int) -> float:
+def brightness(color: NDArray[np.uint8], row: int, column: int) -> float:
     """Return the mean of 5 x 5 pixels."""
-    return float(colour[row - 2 : row + 3, column - 2 : column + 3].mean())
+    return float(color[row - 2 : row + 3, column - 2 : column + 3].mean())
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def brightness(colour: NDArray[np.uint8], row: int, column: int) -> float:
     [Pinhole(320, 240, 250.0, 250.0, 159.5, 119.5), Pinhole(321, 200, 300.0, 220.0, 120.3, 130.8)],
 )
 def test_things_are_where_the_matrix_says(pinhole: Pinhole) -> None:
-    """Pixel centres are whole numbers, the first row is the top one."""
+    """Pixel centers are whole numbers, the first row is the top one."""
     generator = np.random.default_rng(7)
     grid = np.array([(y, z) for y in np.arange(-1.2, 1.3, 0.3) for z in np.arange(0.4, 1.7, 0.3)])
     places = np.column_stack(
@@ -85,21 +85,21 @@ def test_the_sky_is_infinitely_far_and_no_thing() -> None:
     assert (frame.labels[:50] == -1).all()
     assert np.isfinite(frame.depth_m[-1]).all()
     # Blue above, the sun where it is: south-east by 150 degrees clockwise from north, 40 up.
-    assert frame.colour[0, 80, 2] > frame.colour[0, 80, 0] + 20
-    sun = made.draw(views.looking((0, 0, 1), yaw_deg=-60.0, pitch_deg=-40.0)).colour
+    assert frame.color[0, 80, 2] > frame.color[0, 80, 0] + 20
+    sun = made.draw(views.looking((0, 0, 1), yaw_deg=-60.0, pitch_deg=-40.0)).color
     assert sun[57:63, 77:83].max() > 250
     assert brightness(sun, 60, 80) > brightness(sun, 20, 20) + 20
 
 
 def test_a_shadow_falls_away_from_the_sun() -> None:
     # A plate 1 m above the floor, the sun at 45 degrees in the west: the shadow is 1 m to the east.
-    plate = box("plate", (0.4, 0.4, 0.02), (5.0, 0.0, 1.0), "grey")
+    plate = box("plate", (0.4, 0.4, 0.02), (5.0, 0.0, 1.0), "gray")
     made = views.renderer(lit(FLOOR, plate, light=Sun(azimuth_deg=270.0, elevation_deg=45.0)))
-    colour = made.draw(views.looking((6.0, 0.0, 3.0), pitch_deg=90.0)).colour
-    # Straight down from 3 m, the top of the picture is ahead, east: 40 pixels a metre.
-    shadow, beside = brightness(colour, 60, 80), brightness(colour, 60, 120)
+    color = made.draw(views.looking((6.0, 0.0, 3.0), pitch_deg=90.0)).color
+    # Straight down from 3 m, the top of the picture is ahead, east: 40 pixels a meter.
+    shadow, beside = brightness(color, 60, 80), brightness(color, 60, 120)
     assert shadow < 0.75 * beside
-    assert brightness(colour, 60 - 20, 80) == pytest.approx(beside, rel=0.1)
+    assert brightness(color, 60 - 20, 80) == pytest.approx(beside, rel=0.1)
 
 
 def test_a_vehicle_takes_its_shadow_along_and_the_same_bits_come_back() -> None:
@@ -111,7 +111,7 @@ def test_a_vehicle_takes_its_shadow_along_and_the_same_bits_come_back() -> None:
     def seen(made: Renderer, *places: Any) -> str:
         for place in places:
             made.place(place)
-        return hashlib.sha256(made.draw(above).colour.tobytes()).hexdigest()
+        return hashlib.sha256(made.draw(above).color.tobytes()).hexdigest()
 
     made = Renderer(scenario.world, around, views.SMALL)
     first = seen(made, here)
@@ -140,13 +140,13 @@ def test_a_vehicle_stands_in_the_shade() -> None:
         assert frame.labels is not None
         rover = frame.labels == made.labels.of_mover("rover")
         assert rover.sum() > 500
-        brightnesses.append(float(frame.colour[rover].mean()))
+        brightnesses.append(float(frame.color[rover].mean()))
     assert brightnesses[1] < 0.9 * brightnesses[0]
 
 
 def test_renderers_do_not_disturb_each_other() -> None:
     """One that draws may not be the newest: a vehicle can have several cameras in one process."""
-    walls = [box("wall", (1.0, 9.0, 9.0), (x, 0.0, 1.0), "grey") for x in (3.5, 6.5)]
+    walls = [box("wall", (1.0, 9.0, 9.0), (x, 0.0, 1.0), "gray") for x in (3.5, 6.5)]
     near, far = (
         views.renderer(lit(FLOOR, wall), pinhole)
         for wall, pinhole in zip(
@@ -163,30 +163,30 @@ def test_renderers_do_not_disturb_each_other() -> None:
 def test_lamps_light_what_is_below_them() -> None:
     ceiling = box("ceiling", (10.0, 10.0, 0.2), (0.0, 0.0, 3.1))
     made = views.renderer(lit(FLOOR, ceiling, light=Lamps(at_m=((3.0, 0.0, 2.96),))))
-    colour = made.draw(views.looking((0.0, 0.0, 2.0), pitch_deg=45.0)).colour
-    assert brightness(colour, 45, 80) > 1.15 * brightness(colour, 110, 80)
-    lamp = made.draw(views.looking((3.0, 0.0, 1.0), pitch_deg=-90.0)).colour
+    color = made.draw(views.looking((0.0, 0.0, 2.0), pitch_deg=45.0)).color
+    assert brightness(color, 45, 80) > 1.15 * brightness(color, 110, 80)
+    lamp = made.draw(views.looking((3.0, 0.0, 1.0), pitch_deg=-90.0)).color
     assert brightness(lamp, 60, 80) > 240 > brightness(lamp, 20, 20) + 50
 
 
 def test_a_longer_exposure_is_brighter_and_does_not_move_anything() -> None:
-    made = views.renderer(lit(FLOOR, box("wall", (1.0, 9.0, 9.0), (6.5, 0.0, 1.0), "grey")))
+    made = views.renderer(lit(FLOOR, box("wall", (1.0, 9.0, 9.0), (6.5, 0.0, 1.0), "gray")))
     frames = []
     for exposure in (0.5, 1.0, 2.0):
         made.exposure = exposure
         frame = made.draw(AHEAD)
-        frames.append((float(frame.colour.mean()), frame.depth_m.copy()))
+        frames.append((float(frame.color.mean()), frame.depth_m.copy()))
     levels, depths = zip(*frames, strict=True)
     assert levels[0] + 20 < levels[1] < levels[2] - 20
     assert np.array_equal(depths[0], depths[2])
 
 
 def test_fog_hides_what_is_far() -> None:
-    wall = box("wall", (1.0, 40.0, 40.0), (20.5, 0.0, 1.0), "grey")
+    wall = box("wall", (1.0, 40.0, 40.0), (20.5, 0.0, 1.0), "gray")
     contrast = []
     for visibility_m in (None, 40.0):
         made = views.renderer(lit(FLOOR, wall, weather=Weather(fog_visibility_m=visibility_m)))
-        contrast.append(float(made.draw(AHEAD).colour[30, 80].mean()))
+        contrast.append(float(made.draw(AHEAD).color[30, 80].mean()))
     clear, foggy = contrast
     # 0.05 ** (20 / 40) = 22 % of the wall is left; the rest is the bright horizon.
     assert foggy > clear + 30
@@ -209,9 +209,9 @@ def test_a_mesh_shows_its_texture() -> None:
     made = views.renderer(lit(FLOOR))
     made.add(quad(Skin(picture)))
     made.place(views.parked(views.world_replica(lit(FLOOR)), (0.0, 0.0, -400.0)))
-    colour = made.draw(AHEAD).colour.astype(int)
+    color = made.draw(AHEAD).color.astype(int)
     # 1 m is 40 pixels; the middle is at row 59.5, column 79.5.
-    red, dark, blue = colour[40, 60], colour[40, 100], colour[80, 100]
+    red, dark, blue = color[40, 60], color[40, 100], color[80, 100]
     assert red[0] > 2 * red[2]
     assert blue[2] > 2 * blue[0]
     assert dark.max() < 20
@@ -228,7 +228,7 @@ def test_a_normal_map_tilts_the_light() -> None:
         made = views.renderer(lit(FLOOR, light=sun))
         made.add(quad(Skin(plain, bumps.copy()), tint=0.3))
         made.place(views.parked(views.world_replica(lit(FLOOR)), (0.0, 0.0, -400.0)))
-        level.append(brightness(made.draw(AHEAD).colour, 60, 80))
+        level.append(brightness(made.draw(AHEAD).color, 60, 80))
     flat, to_the_right, to_the_left = level
     # Facing west, right is south, and that is where the sun is.
     assert to_the_right > flat + 5
@@ -239,10 +239,10 @@ def test_a_visual_slam_finds_corners_everywhere() -> None:
     """With the two thresholds of ORB-SLAM's FAST detector, in every quarter of the picture."""
     made = views.renderer(views.laboratory(), Pinhole(640, 480, 415.0, 415.0, 319.5, 239.5))
     for yaw_deg in (0.0, 120.0, 240.0):
-        colour = made.draw(views.looking((-4.1, 0.0, 0.5), yaw_deg=yaw_deg)).colour
-        grey = cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY)
+        color = made.draw(views.looking((-4.1, 0.0, 0.5), yaw_deg=yaw_deg)).color
+        gray = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
         for threshold, least in ((20, 3), (7, 50)):
-            found = cv2.FastFeatureDetector_create(threshold).detect(grey)
+            found = cv2.FastFeatureDetector_create(threshold).detect(gray)
             quarters = [(corner.pt[0] > 320, corner.pt[1] > 240) for corner in found]
             counts = [quarters.count((x, y)) for x in (False, True) for y in (False, True)]
             assert min(counts) > least, (yaw_deg, threshold, counts)
@@ -253,7 +253,7 @@ import hashlib
 from tests.services.sensors.rendering import views
 made = views.renderer(views.laboratory(), layers=("color", "depth", "labels"))
 frame = made.draw(views.looking((-4.0, 0.0, 0.5), yaw_deg=10.0))
-parts = frame.colour, frame.depth_m, frame.labels
+parts = frame.color, frame.depth_m, frame.labels
 print(hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest())
 """
 
@@ -279,7 +279,7 @@ def test_what_is_not_in_view_is_not_drawn_and_nothing_else_is_missing(
 ) -> None:
     made = views.renderer(views.laboratory())
     pose = views.looking((-4.0, 0.0, 0.5), yaw_deg=10.0)
-    culled = made.draw(pose).colour.copy()
+    culled = made.draw(pose).color.copy()
     counts = []
     from services.sensors.rendering.gl import renderer
 
@@ -288,5 +288,5 @@ def test_what_is_not_in_view_is_not_drawn_and_nothing_else_is_missing(
         return np.ones(len(boxes.middles), bool)
 
     monkeypatch.setattr(renderer, "seen", everything)
-    assert np.array_equal(made.draw(pose).colour, culled)
+    assert np.array_equal(made.draw(pose).color, culled)
     assert counts[0] > 20

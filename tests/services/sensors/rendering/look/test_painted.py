@@ -23,7 +23,7 @@ from tests.services.sensors.rendering import views
 from tests.services.sensors.yards import box, yard
 
 AHEAD = views.looking((0.0, 0.0, 1.0))
-GREY = Material(color=(0.3, 0.3, 0.3))
+GRAY = Material(color=(0.3, 0.3, 0.3))
 WALL = np.array([(0, 1, -1), (0, -1, -1), (0, -1, 1), (0, 1, 1)], np.float32)
 """A square of 2 m that faces west: seen from there, from its lower left corner around."""
 
@@ -55,20 +55,20 @@ def wall(**part: object) -> Mesh:
 
 def scenario(*solids: Solid, light: Sun | None = None) -> Scenario:
     made = yard(*solids)
-    materials = {**made.world.materials, "grey": GREY, "black": Material(color=(0.2, 0.2, 0.2))}
+    materials = {**made.world.materials, "gray": GRAY, "black": Material(color=(0.2, 0.2, 0.2))}
     world = replace(made.world, solids=solids, light=light, materials=materials)
     high = replace(made.vehicles[0], placement=Placement(z_m=100.0))
     return replace(made, world=world, vehicles=(high,))
 
 
 def ahead(shape: Mesh, **turn: object) -> Solid:
-    return Solid("wall", shape, "grey", position_m=(3.0, 0.0, 1.0), **turn)  # type: ignore[arg-type]
+    return Solid("wall", shape, "gray", position_m=(3.0, 0.0, 1.0), **turn)  # type: ignore[arg-type]
 
 
 def test_a_mesh_shows_its_picture_the_right_way_up() -> None:
     made = views.renderer(scenario(EARTH, ahead(wall(picture=flag()))), layers=ALL_LAYERS)
     frame = made.draw(AHEAD)
-    red, dark, blue = (frame.colour[at].astype(int) for at in ((40, 60), (40, 100), (80, 100)))
+    red, dark, blue = (frame.color[at].astype(int) for at in ((40, 60), (40, 100), (80, 100)))
     assert red[0] > 2 * red[2]
     assert blue[2] > 2 * blue[0]
     assert dark.max() < 20
@@ -77,13 +77,13 @@ def test_a_mesh_shows_its_picture_the_right_way_up() -> None:
     assert frame.depth_m[40, 60] == pytest.approx(3.0, abs=1e-4)
 
 
-def test_a_colour_multiplies_the_picture_and_else_replaces_the_materials() -> None:
+def test_a_color_multiplies_the_picture_and_else_replaces_the_materials() -> None:
     white = png(np.full((4, 4, 3), 255, np.uint8))
     green = (0.05, 0.5, 0.05)
     levels = []
     for part in ({"picture": white, "color": green}, {"color": green}, {}):
         made = views.renderer(scenario(EARTH, ahead(wall(**part))))
-        levels.append(made.draw(AHEAD).colour[40:80, 60:100].mean(axis=(0, 1)))
+        levels.append(made.draw(AHEAD).color[40:80, 60:100].mean(axis=(0, 1)))
     with_picture, alone, neither = levels
     assert with_picture == pytest.approx(alone, abs=6)
     assert alone[1] > 2 * alone[0]
@@ -94,21 +94,21 @@ def test_an_open_mesh_is_seen_from_behind_as_rays_meet_it() -> None:
     turned = ahead(wall(picture=flag()), orientation=(0.0, 0.0, 1.0, 0.0))
     frame = views.renderer(scenario(EARTH, turned)).draw(AHEAD)
     assert frame.depth_m[40, 100] == pytest.approx(3.0, abs=1e-4)
-    colour = frame.colour[40, 100].astype(int)  # mirrored: the flag's upper left
-    assert colour[0] > 2 * colour[2]
+    color = frame.color[40, 100].astype(int)  # mirrored: the flag's upper left
+    assert color[0] > 2 * color[2]
 
 
 @pytest.mark.parametrize("across_m", [40.0, 200.0], ids=["one map", "one more around the eye"])
 def test_an_open_mesh_throws_its_shadow_but_none_on_itself(across_m: float) -> None:
-    """The sun is behind the eye; the wall hovers a metre above the ground."""
+    """The sun is behind the eye; the wall hovers a meter above the ground."""
     plain, sun = mesh(WALL, WALL_FACES), Sun(azimuth_deg=250.0, elevation_deg=35.0)
     earth = box("ground", (across_m, across_m, 1.0), (0.0, 0.0, -1.5))
     at = {"position_m": (3.0, 0.0, 1.0)}
-    made = views.renderer(scenario(earth, Solid("wall", plain, "grey", **at), light=sun))  # type: ignore[arg-type]
-    lit = made.draw(AHEAD).colour[25:95, 45:115].astype(int)
+    made = views.renderer(scenario(earth, Solid("wall", plain, "gray", **at), light=sun))  # type: ignore[arg-type]
+    lit = made.draw(AHEAD).color[25:95, 45:115].astype(int)
     assert lit.std() < 8, "a coarse map's steps would be stripes"
     above = made.draw(views.looking((3.0, 0.0, 6.0), pitch_deg=90.0))
-    ground = above.colour[above.depth_m > 6.5].astype(int).sum(axis=1)
+    ground = above.color[above.depth_m > 6.5].astype(int).sum(axis=1)
     assert ground.min() < 0.6 * np.median(ground)
 
 
@@ -134,7 +134,7 @@ def test_normals_of_a_picture_tilt_the_light() -> None:
                 light=Sun(azimuth_deg=225.0, elevation_deg=30.0),
             )
         )
-        level[name] = float(made.draw(AHEAD).colour[50:70, 70:90].mean())
+        level[name] = float(made.draw(AHEAD).color[50:70, 70:90].mean())
     assert level["flat"] == pytest.approx(level["none"], abs=1.5)
     assert level["to the sun"] > level["flat"] + 5 > level["away"] + 10
     assert level["up"] > level["flat"] > level["down"] + 5
@@ -153,8 +153,8 @@ def test_normals_are_smooth_on_round_things_and_not_across_edges() -> None:
             np.stack([i + 24, j + 24, np.full(24, 49)], -1),
         ]
     ).astype(np.uint32)
-    solid = Solid("can", mesh(vertices, faces), "grey")
-    (made,) = painted(solid, 3, GREY, {})  # closed: from outside alone
+    solid = Solid("can", mesh(vertices, faces), "gray")
+    (made,) = painted(solid, 3, GRAY, {})  # closed: from outside alone
     at, normal = (made.vertices[name].astype(float) for name in ("position", "normal"))
     cap = np.abs(normal[:, 2]) > 0.5
     assert np.abs(normal[cap]) == pytest.approx(np.array([[0, 0, 1]] * cap.sum()), abs=1e-6)
@@ -169,7 +169,7 @@ def test_a_mesh_is_where_rays_meet_it() -> None:
     solid = replace(
         ahead(wall(picture=flag())), position_m=(1.0, 2.0, 3.0), orientation=(0.5, 0.5, 0.5, 0.5)
     )
-    front, back = painted(solid, 0, GREY, {})
+    front, back = painted(solid, 0, GRAY, {})
     expected = merged([solid])
     assert np.array_equal(
         front.vertices["position"][front.faces], expected.vertices[expected.faces]
@@ -180,7 +180,7 @@ def test_a_mesh_is_where_rays_meet_it() -> None:
 def test_a_link_may_be_a_mesh() -> None:
     made = scenario(EARTH)
     vehicle = made.vehicles[0]
-    visual = Solid("body", wall(picture=flag()), "grey")
+    visual = Solid("body", wall(picture=flag()), "gray")
     model = replace(vehicle.model, visuals=(visual,))
     made = replace(made, vehicles=(replace(vehicle, model=model),))
     renderer = views.renderer(made, layers=ALL_LAYERS)
@@ -190,7 +190,7 @@ def test_a_link_may_be_a_mesh() -> None:
     frame = renderer.draw(AHEAD)
     assert frame.labels is not None
     assert frame.labels[40, 60] == renderer.labels.of_mover(vehicle.name)
-    red = frame.colour[40, 60].astype(int)
+    red = frame.color[40, 60].astype(int)
     assert red[0] > 2 * red[2]
 
 
@@ -200,7 +200,7 @@ def test_meshes_share_their_pictures() -> None:
     pieces = [
         piece
         for name in ("a", "b")
-        for piece in painted(Solid(name, shape, "grey"), 0, GREY, skins)
+        for piece in painted(Solid(name, shape, "gray"), 0, GRAY, skins)
     ]
     assert len({id(piece.skin) for piece in pieces}) == len(skins) == 1
 
@@ -208,10 +208,10 @@ def test_meshes_share_their_pictures() -> None:
 def test_a_picture_that_is_none_is_one_line() -> None:
     solid = ahead(wall(picture=b"no picture"))
     with pytest.raises(UserError, match="is no PNG or JPEG"):
-        list(painted(solid, 0, GREY, {}))
+        list(painted(solid, 0, GRAY, {}))
 
 
 def test_boxes_stay_boxes() -> None:
     """A shape that is no mesh is not for this module."""
     with pytest.raises(AssertionError):
-        list(painted(Solid("box", Box(size_m=(1, 1, 1)), "grey"), 0, GREY, {}))
+        list(painted(Solid("box", Box(size_m=(1, 1, 1)), "gray"), 0, GRAY, {}))

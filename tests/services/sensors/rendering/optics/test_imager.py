@@ -75,11 +75,11 @@ def test_noise_is_that_of_seed_sensor_and_tick() -> None:
         assert abs(same) < 0.03
 
 
-def test_neighbours_and_colours_have_their_own_noise() -> None:
+def test_neighbors_and_colors_have_their_own_noise() -> None:
     read = electronics(full_well_electrons=2000.0).read(flat(128), 1).astype(np.float64)
     for other in (read[1:, :, :], read[:, 1:, :], read[..., 1:]):
-        rows, columns, colours = other.shape
-        beside = read[:rows, :columns, :colours]
+        rows, columns, colors = other.shape
+        beside = read[:rows, :columns, :colors]
         assert abs(np.corrcoef(other.ravel(), beside.ravel())[0, 1]) < 0.03
 
 

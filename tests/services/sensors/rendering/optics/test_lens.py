@@ -24,7 +24,7 @@ FISHEYE = (-0.02, 0.004, -0.03, 0.2)
 LENSES: dict[str, dict[str, Any]] = {
     "barrel": {"distortion": BARREL},
     "pincushion": {"distortion": (0.25, 0.05)},
-    "decentred": {"distortion": (0.0, 0.0, 0.01, -0.008)},
+    "decentered": {"distortion": (0.0, 0.0, 0.01, -0.008)},
     "fisheye": {"model": "equidistant", "distortion": FISHEYE},
 }
 
@@ -33,13 +33,13 @@ def lens(**fields: Any) -> LensOptics:
     return LensOptics(lenses.Lens(**fields), PINHOLE)
 
 
-def through(made: LensOptics, colour: NDArray[np.uint8], depth_m: float = 2.0) -> Frame:
-    shape = colour.shape[:2]
-    labels = np.arange(colour[..., 0].size, dtype=np.int32).reshape(shape)
-    return made.seen(Frame(colour, np.full(shape, depth_m, np.float32), labels))
+def through(made: LensOptics, color: NDArray[np.uint8], depth_m: float = 2.0) -> Frame:
+    shape = color.shape[:2]
+    labels = np.arange(color[..., 0].size, dtype=np.int32).reshape(shape)
+    return made.seen(Frame(color, np.full(shape, depth_m, np.float32), labels))
 
 
-def grey(made: LensOptics, value: int = 200) -> NDArray[np.uint8]:
+def gray(made: LensOptics, value: int = 200) -> NDArray[np.uint8]:
     return np.full((made.drawn.height, made.drawn.width, 3), value, np.uint8)
 
 
@@ -77,11 +77,11 @@ GRID = np.array([(x, y) for x in (-0.45, -0.2, 0.0, 0.3, 0.5) for y in (-0.35, 0
 @pytest.mark.parametrize("name", LENSES)
 def test_points_are_where_opencv_says(name: str) -> None:
     made = lens(**LENSES[name])
-    colour = through(made, spotted(made, GRID)).colour
+    color = through(made, spotted(made, GRID)).color
     wanted = in_picture(GRID, **LENSES[name])
     inside = ((wanted > 8) & (wanted < (312, 232))).all(axis=1)
     assert inside.sum() >= 11
-    found = np.array([spot(colour[..., 1], near) for near in wanted[inside]])
+    found = np.array([spot(color[..., 1], near) for near in wanted[inside]])
     assert np.abs(found - wanted[inside]).max() < 0.1
     # And that is not where a pinhole has them.
     straight = GRID * (PINHOLE.fx, PINHOLE.fy) + (PINHOLE.cx, PINHOLE.cy)
@@ -92,11 +92,11 @@ def test_points_are_where_opencv_says(name: str) -> None:
 def test_lines_curve(k1: float, bows: int) -> None:
     """A straight line above the middle bows up in a barrel, down in a pincushion."""
     made = lens(distortion=(k1,))
-    drawing = grey(made, 0)
+    drawing = gray(made, 0)
     y = made.drawn.rays()[:, 0, 1]
     drawing[np.abs(y + 0.35).argmin()] = 255
-    colour = through(made, drawing).colour[..., 1].astype(np.float64)
-    rows = (colour * np.arange(240)[:, None]).sum(axis=0) / colour.sum(axis=0)
+    color = through(made, drawing).color[..., 1].astype(np.float64)
+    rows = (color * np.arange(240)[:, None]).sum(axis=0) / color.sum(axis=0)
     sagitta = (rows[20] + rows[310]) / 2 - rows[165]
     assert abs(sagitta) < 0.05 if bows == 0 else bows * sagitta > 2
 
@@ -104,14 +104,14 @@ def test_lines_curve(k1: float, bows: int) -> None:
 @pytest.mark.parametrize("name", LENSES)
 def test_no_corner_is_black(name: str) -> None:
     made = lens(**LENSES[name], chromatic_aberration=0.01)
-    frame = through(made, grey(made))
-    assert (frame.colour == 200).all()
+    frame = through(made, gray(made))
+    assert (frame.color == 200).all()
     assert (frame.depth_m == 2.0).all()
 
 
 def test_depth_and_labels_are_of_the_nearest_drawn_pixel() -> None:
     made = lens(distortion=BARREL)
-    labels = through(made, grey(made)).labels
+    labels = through(made, gray(made)).labels
     assert labels is not None
     rows, columns = np.divmod(labels, made.drawn.width)
     points = made.drawn.rays()[rows, columns, :2].reshape(-1, 2)
@@ -122,10 +122,10 @@ def test_depth_and_labels_are_of_the_nearest_drawn_pixel() -> None:
 def test_a_fisheye_is_black_beyond_its_circle() -> None:
     wide = Pinhole(320, 240, 125.0, 125.0, 159.5, 119.5)  # 147 degrees across, 183 in the corners
     made = LensOptics(lenses.Lens(model="equidistant"), wide)
-    frame = through(made, grey(made))
+    frame = through(made, gray(made))
     angle = np.hypot(*np.moveaxis(wide.rays()[..., :2], -1, 0))
-    assert (frame.colour[angle < EDGE - 0.02] == 200).all()
-    assert (frame.colour[angle > EDGE + 0.02] == 0).all()
+    assert (frame.color[angle < EDGE - 0.02] == 200).all()
+    assert (frame.color[angle > EDGE + 0.02] == 0).all()
     assert np.isinf(frame.depth_m[angle > EDGE + 0.02]).all()
     assert frame.labels is not None
     assert (frame.labels[angle > EDGE + 0.02] == -1).all()
@@ -156,16 +156,16 @@ def test_models_go_there_and_back(name: str) -> None:
 
 @pytest.mark.parametrize("aberration", [0.01, -0.01, 0.0])
 @pytest.mark.parametrize("distortion", [(), BARREL])
-def test_colours_part_with_the_distance_from_the_middle(
+def test_colors_part_with_the_distance_from_the_middle(
     aberration: float, distortion: tuple[float, ...]
 ) -> None:
     made = lens(chromatic_aberration=aberration, distortion=distortion)
-    colour = through(made, spotted(made, GRID)).colour
+    color = through(made, spotted(made, GRID)).color
     middle = np.array([PINHOLE.cx, PINHOLE.cy])
     for near in in_picture(GRID, distortion=distortion):
         if not ((near > 12) & (near < (308, 228))).all():
             continue
-        red, green, blue = (spot(colour[..., i], near) for i in range(3))
+        red, green, blue = (spot(color[..., i], near) for i in range(3))
         assert red - green == pytest.approx(aberration * (near - middle), abs=0.12)
         assert blue - green == pytest.approx(-aberration * (near - middle), abs=0.12)
 
@@ -173,7 +173,7 @@ def test_colours_part_with_the_distance_from_the_middle(
 @pytest.mark.parametrize("vignetting", [0.0, 0.2, 0.8])
 def test_light_falls_off_to_the_corners(vignetting: float) -> None:
     made = lens(vignetting=vignetting)
-    light = (through(made, grey(made)).colour / 255.0) ** 2
+    light = (through(made, gray(made)).color / 255.0) ** 2
     squared = ((np.moveaxis(PINHOLE.rays()[..., :2], -1, 0).T * (PINHOLE.fx, PINHOLE.fy)) ** 2).sum(
         axis=-1
     )
@@ -186,9 +186,9 @@ def test_light_falls_off_to_the_corners(vignetting: float) -> None:
 def edge_width_px(depth_m: float, **fields: Any) -> float:
     """Return the standard deviation of what an edge at a distance is blurred with."""
     made = lens(**fields)
-    drawing = grey(made, 0)
+    drawing = gray(made, 0)
     drawing[:, 160:] = 255
-    rise = np.diff(through(made, drawing, depth_m).colour[120, :, 1].astype(np.float64)) / 255
+    rise = np.diff(through(made, drawing, depth_m).color[120, :, 1].astype(np.float64)) / 255
     at = np.arange(len(rise))
     return float(np.sqrt(rise @ (at - rise @ at) ** 2))
 
@@ -205,7 +205,7 @@ def test_blur_is_by_the_circle_of_confusion(depth_m: float) -> None:
 def test_an_ideal_lens_changes_nothing() -> None:
     made = lens(focus_m=1.0)
     assert made.drawn is PINHOLE
-    frame = Frame(grey(made), np.ones((240, 320), np.float32), None)
+    frame = Frame(gray(made), np.ones((240, 320), np.float32), None)
     assert made.seen(frame) is frame
 
 

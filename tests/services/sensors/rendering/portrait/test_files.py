@@ -12,7 +12,7 @@ import pytest
 
 from groundlink.core.errors import UserError
 from services.sensors.rendering.gl.target import ALL_LAYERS
-from services.sensors.rendering.portrait.files import colours, write
+from services.sensors.rendering.portrait.files import colors, write
 from tests.services.sensors.rendering import views
 
 
@@ -23,9 +23,9 @@ def test_files_hold_the_picture(tmp_path: Path) -> None:
     assert [file.name for file in files] == [
         *("shot_colour.png", "shot_depth.png", "shot_labels.png", "shot_labels.json")
     ]
-    colour, depth, labels = (cv2.imread(str(f), cv2.IMREAD_UNCHANGED) for f in files[:3])
-    assert colour is not None
-    assert np.array_equal(colour[..., ::-1], frame.colour)
+    color, depth, labels = (cv2.imread(str(f), cv2.IMREAD_UNCHANGED) for f in files[:3])
+    assert color is not None
+    assert np.array_equal(color[..., ::-1], frame.color)
     seen = np.isfinite(frame.depth_m)
     assert 0 < np.mean(~seen) < 0.5
     assert depth is not None
@@ -44,8 +44,8 @@ def test_files_hold_the_picture(tmp_path: Path) -> None:
     assert len(legend) == len(np.unique(frame.labels[seen]))
 
 
-def test_things_have_colours_of_their_own() -> None:
-    assert len({tuple(colour) for colour in colours(150).tolist()}) == 150
+def test_things_have_colors_of_their_own() -> None:
+    assert len({tuple(color) for color in colors(150).tolist()}) == 150
 
 
 def test_a_folder_that_cannot_be_is_one_line(tmp_path: Path) -> None:

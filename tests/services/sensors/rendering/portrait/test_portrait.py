@@ -26,9 +26,9 @@ WORLDS = sorted(file.stem for file in (SHIPPED / "worlds").glob("*.yaml"))
 VEHICLES = sorted(file.stem for file in (SHIPPED / "vehicles").glob("*.yaml"))
 
 
-def near(picture: NDArray[np.uint8], colour: tuple[int, int, int]) -> int:
-    """Return the pixels of a colour."""
-    return int((np.abs(picture.astype(int) - colour).max(axis=-1) < 12).sum())
+def near(picture: NDArray[np.uint8], color: tuple[int, int, int]) -> int:
+    """Return the pixels of a color."""
+    return int((np.abs(picture.astype(int) - color).max(axis=-1) < 12).sum())
 
 
 @pytest.mark.parametrize("name", [*WORLDS, *VEHICLES])
@@ -38,8 +38,8 @@ def test_everything_shipped_has_a_picture(name: str) -> None:
     picture = portrait(kind, scenario, FROM_DEG[kind], SIZE)
     assert picture.shape == (SIZE[1], SIZE[0], 3)
     assert picture.std(axis=(0, 1)).min() > 5
-    for colour in (RED, GREEN, BLUE):
-        assert near(picture, colour) > 15
+    for color in (RED, GREEN, BLUE):
+        assert near(picture, color) > 15
     assert np.array_equal(picture, portrait(kind, scenario, FROM_DEG[kind], SIZE))
 
 
@@ -71,8 +71,8 @@ def test_a_frame_is_drawn_where_it_is() -> None:
     picture = np.full((SIZE[1], SIZE[0], 3), 128, np.uint8)
     mark(picture, [NamedFrame("here", np.eye(4))], 0.5, pinhole, pose)
     middles = [
-        np.argwhere(np.abs(picture.astype(int) - colour).max(axis=-1) < 5).mean(axis=0)
-        for colour in (RED, GREEN, BLUE)
+        np.argwhere(np.abs(picture.astype(int) - color).max(axis=-1) < 5).mean(axis=0)
+        for color in (RED, GREEN, BLUE)
     ]
     (row, column) = (SIZE[1] - 1) / 2, (SIZE[0] - 1) / 2
     # From the south-west x points right, y left, both away, z up.

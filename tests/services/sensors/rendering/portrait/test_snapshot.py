@@ -34,7 +34,7 @@ PLACE: dict[str, Any] = {
     **{"name": "camera", "frame": "eye", "width": 160, "height": 120, "rate_hz": 30.0},
     "mount": Mount((0.2, 0.0, 1.0)),
 }
-COLOUR: dict[str, Any] = {**PLACE, "topic": "/camera/image_raw", "publish": "raw"}
+COLOR: dict[str, Any] = {**PLACE, "topic": "/camera/image_raw", "publish": "raw"}
 
 
 def world() -> Scenario:
@@ -80,29 +80,29 @@ def taken(spec: Optics) -> tuple[Frame, Labels]:
         {"imager": GRAIN, "encoding": "mono8"},
         {"imager": GRAIN, "encoding": "bayer_rggb8"},
     ],
-    ids=["ideal", "bent", "fisheye", "grain", "all", "grey", "bayer"],
+    ids=["ideal", "bent", "fisheye", "grain", "all", "gray", "bayer"],
 )
-def test_colour_is_what_is_published(fields: dict[str, Any]) -> None:
-    made, spec = world(), Camera(**COLOUR, **fields)
+def test_color_is_what_is_published(fields: dict[str, Any]) -> None:
+    made, spec = world(), Camera(**COLOR, **fields)
     sent = published(CameraModel(made, made.vehicles[0], spec), "image")
-    assert np.array_equal(taken(spec)[0].colour, sent)
+    assert np.array_equal(taken(spec)[0].color, sent)
 
 
 @pytest.mark.parametrize("encoding", ["rgb8", "mono8"])
 def test_of_a_stereo_pair_it_is_the_left_eye(encoding: Any) -> None:
     made = world()
-    spec = StereoCamera(**COLOUR, right_topic="/right/image_raw", baseline_m=0.1, encoding=encoding)
+    spec = StereoCamera(**COLOR, right_topic="/right/image_raw", baseline_m=0.1, encoding=encoding)
     sent = published(StereoCameraModel(made, made.vehicles[0], spec), "")
-    assert np.array_equal(taken(spec)[0].colour, sent)
+    assert np.array_equal(taken(spec)[0].color, sent)
 
 
-def test_of_a_depth_camera_it_is_true_depth_and_its_colour() -> None:
+def test_of_a_depth_camera_it_is_true_depth_and_its_color() -> None:
     made = world()
     color: Any = {"topic": "/color/image_raw", "publish": "raw"}
     spec = DepthCamera(**PLACE, topic="/depth/image", color=ColorStream(**color), max_range_m=60.0)
     frame, _ = taken(spec)
     model = DepthCameraModel(made, made.vehicles[0], spec)
-    assert np.array_equal(frame.colour, published(model, "color_image"))
+    assert np.array_equal(frame.color, published(model, "color_image"))
     model.restart()
     sent = published(model, "").reshape(120, 320).copy().view(np.uint16)
     near = frame.depth_m < 60
@@ -114,7 +114,7 @@ def test_depth_and_labels_are_behind_the_lens() -> None:
 
     From the camera the edge is 3.9 m ahead, 1.3 m to the left and, half way up, 0.5 m down.
     """
-    frame, labels = taken(Camera(**COLOUR, lens=FISHEYE, vertical_fov_deg=90.0))
+    frame, labels = taken(Camera(**COLOR, lens=FISHEYE, vertical_fov_deg=90.0))
     assert frame.labels is not None
     side = np.hypot(1.3, 0.5)
     radius_px = 60 / np.radians(45) * np.arctan(side / 3.9)
@@ -125,4 +125,4 @@ def test_depth_and_labels_are_behind_the_lens() -> None:
     assert frame.depth_m[inside] == pytest.approx(3.9, abs=1e-3) != frame.depth_m[outside]
     # Textures have dark and light spots: the edge is what several rows have in common.
     rows = slice(round(row) - 3, round(row) + 4)
-    assert frame.colour[rows, inside[1]].mean() + 4 < frame.colour[rows, outside[1]].mean()
+    assert frame.color[rows, inside[1]].mean() + 4 < frame.color[rows, outside[1]].mean()
