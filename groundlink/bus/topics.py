@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from groundlink.messages.base import BusMessage, WheelCommand
 from groundlink.messages.ground_truth import Bodies
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan
-from groundlink.messages.missing_readings import Gaps
+from groundlink.messages.missing_readings import MissingReadings
 from groundlink.messages.navigation import (
     JointState,
     NavSatFix,
@@ -83,8 +83,12 @@ FAULTS = BusTopic(
     rate="when one begins or ends",
     delivery=Delivery.ALL,
 )
-GAPS = replace(
-    FAULTS, name="gaps", key="gaps/{process}", message=Gaps, rate="when readings are missing"
+MISSING_READINGS = replace(
+    FAULTS,
+    name="gaps",
+    key="gaps/{process}",
+    message=MissingReadings,
+    rate="when readings are missing",
 )
 GROUND_TRUTH = BusTopic(
     name="ground_truth",
@@ -171,7 +175,7 @@ TOPICS = (
     *FROM_ROS.values(),
     RELAYED,
     FAULTS,
-    GAPS,
+    MISSING_READINGS,
     ACK,
     HEALTH,
 )

@@ -26,10 +26,10 @@ from groundlink.bus.topics import (
     BODIES,
     FAULTS,
     FROM_ROS,
-    GAPS,
     GROUND_TRUTH,
     JOINT_COMMAND,
     JOINTS,
+    MISSING_READINGS,
     RELAYED,
     TRUE_WHEELS,
     VITALS,
@@ -79,7 +79,7 @@ def grants(scenario: Scenario) -> Iterator[tuple[str, Grant]]:
             name = f"{vehicle.name}/{sensor.name}"
             names = {"vehicle": vehicle.name, "sensor": sensor.name}
             streams = (output.row.key_in("*", **names) for output in sensor_outputs(sensor))
-            problems = (row.key_in("*", process=name) for row in (FAULTS, GAPS))
+            problems = (row.key_in("*", process=name) for row in (FAULTS, MISSING_READINGS))
             yield name, Grant((*_own(name), *problems, *streams), (faults_key("*", name),))
     for name in driver_names(scenario):
         vehicle_name = name.partition("/")[0]

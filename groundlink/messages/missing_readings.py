@@ -45,7 +45,7 @@ COUNTER_PREFIX = "gap_"
 """Of the counters of a sensor that say how many readings are missing by a cause."""
 
 
-class Gap(Struct, frozen=True):
+class MissingSpan(Struct, frozen=True):
     """Readings that follow one another and are missing for one cause."""
 
     cause: Cause
@@ -62,7 +62,7 @@ class Gap(Struct, frozen=True):
     """The streams that lack them, by name as in `topics.sensor_outputs`."""
 
 
-class Gaps(BusMessage, frozen=True):
+class MissingReadings(BusMessage, frozen=True):
     """What of a sensor's readings turned out to be missing since it told the last time."""
 
     stamp_nanos: int
@@ -71,7 +71,7 @@ class Gaps(BusMessage, frozen=True):
     sensor: str
     """vehicle/sensor."""
 
-    gaps: tuple[Gap, ...]
+    gaps: tuple[MissingSpan, ...]
 
 
 def counters_of(missing: Mapping[Cause, int]) -> dict[str, int]:

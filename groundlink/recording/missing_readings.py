@@ -8,10 +8,10 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 
 from groundlink.messages.base import M
-from groundlink.messages.missing_readings import Cause, Gaps
+from groundlink.messages.missing_readings import Cause, MissingReadings
 from groundlink.ros.cdr import from_cdr
 from groundlink.ros.codec import Moment
-from groundlink.ros.streams import CLOCK_TOPIC, gaps_topic
+from groundlink.ros.streams import CLOCK_TOPIC, missing_readings_topic
 from groundlink.scenario.sensors import Encoders, WheelOdometry
 
 from .reader import Recording
@@ -37,7 +37,9 @@ def left_out(recording: Recording) -> LeftOut:
     for vehicle in scenario.vehicles:
         for sensor in vehicle.sensors:
             topics = sensor.ros_topics()
-            for told in messages_of(recording, gaps_topic(f"{vehicle.name}/{sensor.name}"), Gaps):
+            for told in messages_of(
+                recording, missing_readings_topic(f"{vehicle.name}/{sensor.name}"), MissingReadings
+            ):
                 for gap in told.gaps:
                     for output in gap.outputs:
                         found[topics[output]].append((gap.first_nanos, gap.last_nanos, gap.cause))
@@ -69,7 +71,9 @@ def accumulating_topics(recording: Recording) -> dict[str, str]:
             misses = isinstance(sensor, Encoders) and sensor.missed_ticks > 0
             if not (misses or isinstance(sensor, WheelOdometry)):
                 continue
-            told = messages_of(recording, gaps_topic(f"{vehicle.name}/{sensor.name}"), Gaps)
+            told = messages_of(
+                recording, missing_readings_topic(f"{vehicle.name}/{sensor.name}"), MissingReadings
+            )
             missed = Counter(gap.cause for news in told for gap in news.gaps)
             causes: list[str] = ["before the recording, perhaps"] if is_late else []
             causes += [cause for cause in _STATES_MISSED if missed[cause]]

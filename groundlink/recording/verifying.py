@@ -20,7 +20,7 @@ from groundlink.ros.base import made_topics
 from groundlink.ros.cdr import from_cdr
 from groundlink.ros.codec import Moment
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC
-from groundlink.ros.streams import CLOCK_TOPIC, faults_topic, gaps_topic, incoming
+from groundlink.ros.streams import CLOCK_TOPIC, faults_topic, incoming, missing_readings_topic
 from groundlink.run.fault_messages import Faults
 from groundlink.run.journal import (
     Commanded,
@@ -112,7 +112,7 @@ def not_compared(recording: Recording) -> dict[str, str]:
     for vehicle in scenario.vehicles:
         found |= dict.fromkeys((s.topic for s in vehicle.streams), "from another process")
     for name in scenario.sensor_names():
-        found[gaps_topic(name)] = "what was left out then"
+        found[missing_readings_topic(name)] = "what was left out then"
     for vehicle in scenario.vehicles:
         for spec in vehicle.sensors:
             topic = faults_topic(f"{vehicle.name}/{spec.name}")

@@ -12,14 +12,14 @@ from typing import Any
 
 import msgspec
 
-from groundlink.messages.missing_readings import Gap, Gaps, in_words
+from groundlink.messages.missing_readings import MissingReadings, MissingSpan, in_words
 
 from .codec import Codec, Moment
 from .statuses import WARN, status, the_only
 from .types import header, nanos
 
 
-def gaps(message: Gaps) -> dict[str, Any]:
+def _encode(message: MissingReadings) -> dict[str, Any]:
     """Return the fields of a DiagnosticArray."""
     missing: Counter[str] = Counter()
     for gap in message.gaps:
@@ -34,7 +34,7 @@ def gaps(message: Gaps) -> dict[str, Any]:
     return {"header": header(message.stamp_nanos, ""), "status": [told]}
 
 
-def from_gaps(array: Any) -> Gaps:
+def from_missing_readings(array: Any) -> MissingReadings:
     """Return the gaps that a DiagnosticArray was filled with.
 
     Raises
@@ -43,12 +43,16 @@ def from_gaps(array: Any) -> Gaps:
         when it was not.
     """
     sensor, facts = the_only(array)
-    found = tuple(msgspec.json.decode(value, type=Gap) for value in facts.values())
-    return Gaps(nanos(array.header.stamp), sensor, found)
+    found = tuple(msgspec.json.decode(value, type=MissingSpan) for value in facts.values())
+    return MissingReadings(nanos(array.header.stamp), sensor, found)
 
 
-def _decode(ros: Any, moment: Moment) -> Gaps:
-    return from_gaps(ros)
+def _decode(ros: Any, moment: Moment) -> MissingReadings:
+    return from_missing_readings(ros)
 
 
-CODECS = (Codec(Gaps, "diagnostic_msgs/msg/DiagnosticArray", gaps, _decode, recorded_only=True),)
+CODECS = (
+    Codec(
+        MissingReadings, "diagnostic_msgs/msg/DiagnosticArray", _encode, _decode, recorded_only=True
+    ),
+)

@@ -18,10 +18,10 @@ from groundlink.bus.topics import (
     BODIES,
     FAULTS,
     FROM_ROS,
-    GAPS,
     GROUND_TRUTH,
     JOINT_COMMAND,
     JOINTS,
+    MISSING_READINGS,
     RELAYED,
     STREAM_TOPICS,
     TRUE_WHEELS,
@@ -111,7 +111,7 @@ def recorded_only(scenario: Scenario, run: str) -> list[RosStream]:
             topic=topic(sensor),
             declared_hz=None,
         )
-        for row, topic in ((FAULTS, faults_topic), (GAPS, gaps_topic))
+        for row, topic in ((FAULTS, faults_topic), (MISSING_READINGS, missing_readings_topic))
         for sensor in scenario.sensor_names()
     ]
     return [*vitals, *told]
@@ -122,7 +122,7 @@ def faults_topic(sensor: str) -> str:
     return f"/faults/{sensor}"
 
 
-def gaps_topic(sensor: str) -> str:
+def missing_readings_topic(sensor: str) -> str:
     """Return the topic of what a sensor is missing, in a recording."""
     return f"/gaps/{sensor}"
 

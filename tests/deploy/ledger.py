@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 
 from groundlink.bus.core_topics import CLOCK, GATEWAY, HEALTH
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import GAPS, sensor_outputs
+from groundlink.bus.topics import MISSING_READINGS, sensor_outputs
 from groundlink.core.clock import NANOS
 from groundlink.messages.base import BusMessage, Clock, Health, decode, measured_nanos
-from groundlink.messages.missing_readings import Gap, Gaps
+from groundlink.messages.missing_readings import MissingReadings, MissingSpan
 from groundlink.messages.reading_schedule import ReadingSchedule
 from groundlink.process.joining import join
 from services.gateway.missing_readings import COUNTER_PREFIX
@@ -49,7 +49,7 @@ class _Sensor:
         self.seen: set[int] = set()
         """Instants of measurement."""
 
-        self.told: set[Gap] = set()
+        self.told: set[MissingSpan] = set()
         """What is told again is the same."""
 
 
@@ -94,7 +94,7 @@ class Ledger:
                 key = main.row.key_in(run, vehicle=vehicle.name, sensor=spec.name)
                 self._sensor_of[key] = sensor
                 self._bus.subscribe(key, main.row.message, inbox)
-        self._bus.subscribe(GAPS.key_in(run), Gaps, inbox)
+        self._bus.subscribe(MISSING_READINGS.key_in(run), MissingReadings, inbox)
         self._bus.subscribe(CLOCK.key_in(run), Clock, inbox)
         self._bus.subscribe(HEALTH.key_in(run, process=GATEWAY), Health, inbox)
 
@@ -123,7 +123,7 @@ class Ledger:
             self._clock_nanos[message.epoch_nanos] = message.stamp_nanos
         elif self._counted is None:
             return  # what was missing so far is not told apart in the counters
-        elif isinstance(message, Gaps):
+        elif isinstance(message, MissingReadings):
             told = self._sensors[message.sensor].told
             told |= {gap for gap in message.gaps if "" in gap.outputs}
         else:

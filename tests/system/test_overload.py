@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from groundlink.bus.core_topics import CLOCK, BusTopic
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import GAPS, SENSOR_TOPICS
+from groundlink.bus.topics import MISSING_READINGS, SENSOR_TOPICS
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import BusMessage, Clock, Imu, PointCloud, WheelEncoders
-from groundlink.messages.missing_readings import Gap, Gaps
+from groundlink.messages.missing_readings import MissingReadings, MissingSpan
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
 
 from .rig import Rig, children_of, rig, wait_for
@@ -55,10 +55,12 @@ class Run:
             inbox: BusInbox[BusMessage] = BusInbox(depth=100_000)
             bus.subscribe(row.key_in(it.run, vehicle="rover", sensor=name), message, inbox)
             self._inboxes[name] = inbox
-        self._gaps: BusInbox[Gaps] = BusInbox(depth=1000)
-        bus.subscribe(GAPS.key_in(it.run, process=LIDAR), Gaps, self._gaps)
+        self._missing: BusInbox[MissingReadings] = BusInbox(depth=1000)
+        bus.subscribe(
+            MISSING_READINGS.key_in(it.run, process=LIDAR), MissingReadings, self._missing
+        )
         self._stamps: dict[str, list[int]] = {name: [] for name in STREAMS}
-        self._told: list[Gap] = []
+        self._told: list[MissingSpan] = []
 
     def stamps(self, name: str) -> NDArray[np.int64]:
         """Return the stamps of a sensor's readings up to now."""
@@ -67,9 +69,9 @@ class Run:
             self._stamps[name].append(stamp)
         return np.array(self._stamps[name])
 
-    def gaps(self) -> list[Gap]:
+    def gaps(self) -> list[MissingSpan]:
         """Return what the LiDAR has told to be missing up to now."""
-        while arrived := self._gaps.get(seconds=0):
+        while arrived := self._missing.get(seconds=0):
             self._told += arrived[1].gaps
         return self._told
 

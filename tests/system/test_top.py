@@ -24,7 +24,7 @@ from groundlink.bus.topics import GROUND_TRUTH
 from groundlink.messages.navigation import Odometry
 
 from .rig import REPOSITORY, Rig, rig, wait_for
-from .test_alone import start_sensor
+from .test_name_claims import start_sensor
 
 pytestmark = pytest.mark.system
 

@@ -12,7 +12,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from groundlink.cli.terminal.tables import Column, FittingTable
-from groundlink.messages import missing_readings as gaps
+from groundlink.messages import missing_readings
 from groundlink.messages.base import NOT_REPORTED, StreamReport
 from groundlink.monitor.run_monitor import RunMonitor, keeps_rate
 from groundlink.monitor.supervisor import Child
@@ -80,12 +80,13 @@ def _processes(monitor: RunMonitor, children: Iterable[Child]) -> FittingTable:
         pid = str(child.pid or child.last_exit)
         for name, counters in monitor.counters_of(child.name, child.pid).items():
             faults = kinds_in(counters)
-            missing, counts = gaps.parted(counters)
+            missing, counts = missing_readings.parted(counters)
             shown = f"{name}: {', '.join(faults)}" if faults else name
             said = ", ".join(f"{what} {count}" for what, count in counts.items() if count)
             style = "yellow" if faults or missing else ""
             table.add_row(
-                *(shown, pid, str(child.restarts), gaps.in_words(missing), said), style=style
+                *(shown, pid, str(child.restarts), missing_readings.in_words(missing), said),
+                style=style,
             )
     return table
 

@@ -25,7 +25,7 @@ from groundlink.bus.topics import process_names
 from groundlink.cli.run.dashboard import streams_table
 from groundlink.cli.terminal.output import console, stop_on_signals
 from groundlink.cli.terminal.tables import Column, FittingTable
-from groundlink.messages import missing_readings as gaps
+from groundlink.messages import missing_readings
 from groundlink.messages.base import Health
 from groundlink.monitor.overview import Overview
 from groundlink.process import runner as process
@@ -155,7 +155,7 @@ _PROCESSES = (
 def _processes(rows: list[dict[str, Any]]) -> FittingTable:
     table = FittingTable("processes", _PROCESSES)
     for row in rows:
-        missing, counts = gaps.parted(row["counters"])
+        missing, counts = missing_readings.parted(row["counters"])
         table.add_row(
             row["name"],
             _state(row),
@@ -163,7 +163,7 @@ def _processes(rows: list[dict[str, Any]]) -> FittingTable:
             "-" if row["pid"] is None else str(row["pid"]),
             "" if row["declared_hz"] is None else f"{row['declared_hz']:g} Hz",
             "" if row["measured_hz"] is None else f"{row['measured_hz']:.1f} Hz",
-            gaps.in_words(missing),
+            missing_readings.in_words(missing),
             ", ".join(f"{name} {count}" for name, count in counts.items() if count),
             style=STYLES[row["state"]]
             or ("yellow" if missing or kinds_in(row["counters"]) else ""),

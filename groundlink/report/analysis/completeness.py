@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from groundlink.bus.topics import sensor_outputs
 from groundlink.core.clock import TICK_NANOS
-from groundlink.messages.missing_readings import CAUSES, Gaps
+from groundlink.messages.missing_readings import CAUSES, MissingReadings
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import SensorSpec
 
@@ -90,7 +90,7 @@ class StreamCompleteness:
         if 0 <= reading < len(self._found):
             self._found[reading] = _PUBLISHED
 
-    def add_told(self, told: Gaps, epoch_nanos: int) -> None:
+    def add_told(self, told: MissingReadings, epoch_nanos: int) -> None:
         """Add the missing readings that the sensor reported."""
         for gap in told.gaps:
             if self.output in gap.outputs:

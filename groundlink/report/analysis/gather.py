@@ -20,8 +20,8 @@ from groundlink.recording.reader import RecordedMessage, Recording
 from groundlink.report.analysis.thumbnails import IMAGE_TYPES, CameraThumbnails
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC
 from groundlink.ros.faults import from_faults
-from groundlink.ros.missing_readings import from_gaps
-from groundlink.ros.streams import faults_topic, gaps_topic
+from groundlink.ros.missing_readings import from_missing_readings
+from groundlink.ros.streams import faults_topic, missing_readings_topic
 from groundlink.ros.types import STORE
 from groundlink.ros.vitals import from_vitals
 from groundlink.scenario.every_sensor import SensorSpec
@@ -132,7 +132,7 @@ class _Taking:
         self._by_topic = {stream.topic: stream for stream in self.gathered.completeness}
         for stream in self.gathered.completeness:
             stream.dropped(recording.dropped.get(stream.topic, 0))
-            self._on_gaps(stream.sensor)
+            self._on_missing_readings(stream.sensor)
         for sensor in run.scenario.sensor_names():
             failures = SensorFaultHistory(sensor)
             self.gathered.failures.append(failures)
@@ -198,14 +198,14 @@ class _Taking:
 
         self._decode(topic, use, 1)
 
-    def _on_gaps(self, sensor: str) -> None:
+    def _on_missing_readings(self, sensor: str) -> None:
         def use(seconds: float, array: Any) -> None:
-            told = from_gaps(array)
+            told = from_missing_readings(array)
             for stream in self.gathered.completeness:
                 if stream.sensor == sensor:
                     stream.add_told(told, self.gathered.run.epoch_nanos)
 
-        self._decode(gaps_topic(sensor), use, 1)
+        self._decode(missing_readings_topic(sensor), use, 1)
 
     def _on_images(self, topic: str, camera: CameraThumbnails) -> None:
         self.gathered.cameras.append(camera)

@@ -8,9 +8,9 @@ from collections.abc import Collection
 from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import GAPS
+from groundlink.bus.topics import MISSING_READINGS
 from groundlink.messages.base import Health
-from groundlink.messages.missing_readings import Gaps
+from groundlink.messages.missing_readings import MissingReadings
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Time
 
@@ -26,7 +26,7 @@ class HealthMonitor:
     def __init__(self, bus: Bus, run: str, time: Time) -> None:
         self._stall_policy = StallPolicy(time)
         self._factor = RealTimeFactorMeter()
-        self._gaps: BusInbox[Gaps] = BusInbox(depth=256)
+        self._missing: BusInbox[MissingReadings] = BusInbox(depth=256)
         self._health: BusInbox[Health] = BusInbox(depth=256)
         self._shortfalls: ShortfallMonitor | None = None
         self._scenario: Scenario | None = None
@@ -35,7 +35,7 @@ class HealthMonitor:
             self._shortfalls = ShortfallMonitor(time.factor)
             bus.subscribe(HEALTH.key_in(run), Health, self._health)
         if time.overload == "fail":
-            bus.subscribe(GAPS.key_in(run), Gaps, self._gaps)
+            bus.subscribe(MISSING_READINGS.key_in(run), MissingReadings, self._missing)
 
     def counters(self, episode: Episode, now_seconds: float) -> dict[str, int]:
         """Return the real-time factor since the last call, and all stalls."""
@@ -51,7 +51,7 @@ class HealthMonitor:
         RunFailed
             when the run is to end now.
         """
-        while len(self._gaps) and (arrived := self._gaps.get(seconds=0)):
+        while len(self._missing) and (arrived := self._missing.get(seconds=0)):
             self._stall_policy.missing_readings(arrived[1])
         pacer = episode.pacer
         lines = self._stall_policy.check(

@@ -12,7 +12,7 @@ from collections.abc import Collection
 
 from groundlink.bus.core_topics import GATEWAY
 from groundlink.core.errors import RunFailed
-from groundlink.messages.missing_readings import Cause, Gaps, in_words
+from groundlink.messages.missing_readings import Cause, MissingReadings, in_words
 from groundlink.messages.stalls import Stalls, by_name
 from groundlink.scenario.schema import Time
 
@@ -104,7 +104,7 @@ class StallPolicy:
             lines.append(f"continuing without {self._names(due)} until it responds")
         return lines
 
-    def missing_readings(self, reported: Gaps) -> None:
+    def missing_readings(self, reported: MissingReadings) -> None:
         """Check gaps that a sensor has reported.
 
         Raises

@@ -14,7 +14,7 @@ from functools import partial
 from groundlink.bus.core_topics import ACK
 from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import FAULTS, GAPS, sensor_outputs
+from groundlink.bus.topics import FAULTS, MISSING_READINGS, sensor_outputs
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.core.extras import needs
 from groundlink.messages.base import BusMessage
@@ -135,8 +135,10 @@ def follower(
         streams=RandomStreams(scenario.seed, name),
     )
 
-    tell_gaps = publisher(GAPS.key_in(run_name, process=name), GAPS.delivery)
-    ledger = ReadingLedger(name, spec.schedule(), publish, tell_gaps)
+    publish_missing = publisher(
+        MISSING_READINGS.key_in(run_name, process=name), MISSING_READINGS.delivery
+    )
+    ledger = ReadingLedger(name, spec.schedule(), publish, publish_missing)
 
     def renew(world: str) -> bool:
         changed = changed_world(bus, run_name, world)

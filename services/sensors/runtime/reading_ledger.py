@@ -16,7 +16,7 @@ import msgspec
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS
-from groundlink.messages.missing_readings import Cause, Gap, Gaps
+from groundlink.messages.missing_readings import Cause, MissingReadings, MissingSpan
 from groundlink.messages.reading_schedule import ReadingSchedule
 
 from .model import LeftOut
@@ -57,14 +57,14 @@ class ReadingLedger:
         sensor: str,
         calendar: ReadingSchedule,
         outputs: Iterable[str],
-        publish: Callable[[Gaps], object],
+        publish: Callable[[MissingReadings], object],
     ) -> None:
         self._sensor = sensor
         self._calendar = calendar
         self._outputs = tuple(outputs)
         self._publish = publish
         self.missing: Counter[Cause] = Counter()
-        self._told: deque[Gaps] = deque()
+        self._told: deque[MissingReadings] = deque()
         """Of this episode, and not long ago."""
 
         self._begin()
@@ -117,7 +117,7 @@ class ReadingLedger:
         gaps = []
         for missing, outputs in sorted(outputs_of.items()):
             first, last, cause = missing
-            gap = Gap(
+            gap = MissingSpan(
                 cause,
                 epoch_nanos + self._calendar.nanos(first),
                 epoch_nanos + self._calendar.nanos(last),
@@ -126,7 +126,7 @@ class ReadingLedger:
             )
             gaps.append(gap)
             self.missing[cause] += gap.readings
-        told = Gaps(stamp_nanos, self._sensor, tuple(gaps))
+        told = MissingReadings(stamp_nanos, self._sensor, tuple(gaps))
         while self._told and stamp_nanos - self._told[0].stamp_nanos > AGAIN_NANOS:
             self._told.popleft()
         before = [gap for one in self._told for gap in one.gaps] if again else []

@@ -76,7 +76,7 @@ class SensorProcess:
         self._reconnects, self._told_by = reconnects, reconnects()
         self._max_waiting_ticks = max_waiting_ticks
         self._lets_go = False
-        self._gap_cause: Cause = "states lost"
+        self._missing_cause: Cause = "states lost"
         # Asked once: it takes 20 us, more than most sensors take for a state.
         self._skipping = (
             model if max_waiting_ticks is not None and isinstance(model, SkippingModel) else None
@@ -102,7 +102,7 @@ class SensorProcess:
         self._published_to = ack.settled_tick
         # Others may need earlier states; what is remembered here is of the settled tick.
         self.tick = max(ack.settled_tick, 0) - 1
-        self._gap_cause = "restarted"
+        self._missing_cause = "restarted"
         self._remember(ack.memory)
         self.acknowledged_tick = ack.tick
         self._acknowledge(ack)
@@ -119,7 +119,7 @@ class SensorProcess:
             return False
         self._lets_go = waiting > (0 if self._lets_go else self._max_waiting_ticks)
         if self._lets_go:
-            self._gap_cause = "overloaded"
+            self._missing_cause = "overloaded"
         return self._lets_go
 
     def take(self, state: State, waiting: int = 0) -> None:
@@ -153,8 +153,8 @@ class SensorProcess:
             self.missed_ticks += state.tick - self.tick - 1
             self._published_to = -1
             self._model.restart()
-            self._ledger.because(self._gap_cause)
-        self._gap_cause = "states lost"
+            self._ledger.because(self._missing_cause)
+        self._missing_cause = "states lost"
         self.tick = state.tick
         if self._skipping is not None:
             self._skipping.behind(waiting)

@@ -20,7 +20,7 @@ from groundlink.messages.base import (
     encode,
     packed,
 )
-from groundlink.messages.missing_readings import Gap, Gaps
+from groundlink.messages.missing_readings import MissingReadings, MissingSpan
 from groundlink.messages.relayed import Relayed
 from groundlink.messages.vitals import BatteryState, Contact, Vitals
 from groundlink.run.fault_messages import Faults
@@ -98,7 +98,9 @@ EXAMPLES: list[BusMessage] = [
     messages.Health("gateway", 4321, 400, {"refused": 0}, (REPORT,), "a-host"),
     Vitals(21, "rover", 40, 12.5, 0.25, (Contact("table_3_leg_1", 337.5, 39, 7),), CHARGE),
     Faults(22, "rover/imu", 40, (Stuck(at_s=0.1), Bias(value=(0.0, 0.5, 0.0), for_s=2.0))),
-    Gaps(23, "rover/camera", (Gap("overloaded", 7, 21, 3, ("", "camera_info")),)),
+    MissingReadings(
+        23, "rover/camera", (MissingSpan("overloaded", 7, 21, 3, ("", "camera_info")),)
+    ),
     messages.WheelEncoders(9, "base", ("left",), (1,), clock_error_nanos=-5),
 ]
 NAMES = [type(example).__name__ for example in EXAMPLES]

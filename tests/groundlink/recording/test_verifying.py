@@ -16,7 +16,7 @@ from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import BusMessage, Clock, Command, Imu, packed
-from groundlink.messages.missing_readings import Cause, Gap, Gaps
+from groundlink.messages.missing_readings import Cause, MissingReadings, MissingSpan
 from groundlink.messages.navigation import JointState
 from groundlink.recording import missing_readings as missing
 from groundlink.recording import verifying
@@ -25,7 +25,7 @@ from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
 from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.cdr import CODECS, to_cdr
-from groundlink.ros.streams import faults_topic, gaps_topic
+from groundlink.ros.streams import faults_topic, missing_readings_topic
 from groundlink.run.fault_messages import Faults
 from groundlink.run.journal import (
     Commanded,
@@ -157,7 +157,7 @@ def faults(seconds: float, *active: Fault) -> tuple[str, Faults]:
 
 def test_what_cannot_come_again_has_its_reason(lab: Scenario, tmp_path: Path) -> None:
     command = ("/cmd_vel", Command(EPOCH, STILL, STILL))
-    gaps = (gaps_topic(IMU), Gaps(EPOCH, IMU, ()))
+    gaps = (missing_readings_topic(IMU), MissingReadings(EPOCH, IMU, ()))
     rows: list[tuple[str, BusMessage]] = [imu(1.0), command, gaps, faults(2.0, Stuck(at_s=2.0))]
     with record(tmp_path / "a.mcap", lab, rows) as recording:
         assert verifying.silent_sensors(recording, lab) == [
@@ -284,21 +284,25 @@ def test_the_clock_of_a_restore_that_is_not_due_does_not_come_again(
     assert [tick for tick in found if tick in ticks] == [tick for tick in ticks if tick in due]
 
 
-def gap(cause: Cause, first_s: float, last_s: float, *outputs: str) -> Gap:
+def gap(cause: Cause, first_s: float, last_s: float, *outputs: str) -> MissingSpan:
     first, last = (EPOCH + round(s * NANOS) for s in (first_s, last_s))
-    return Gap(cause, first, last, 1, outputs or ("",))
+    return MissingSpan(cause, first, last, 1, outputs or ("",))
 
 
 def test_what_was_left_out_is_known_with_its_cause(lab: Scenario, tmp_path: Path) -> None:
     told = [
-        Gaps(EPOCH + NANOS, "rover/camera", (gap("not there", 0.0, 0.5, "", "camera_info"),)),
-        Gaps(
+        MissingReadings(
+            EPOCH + NANOS, "rover/camera", (gap("not there", 0.0, 0.5, "", "camera_info"),)
+        ),
+        MissingReadings(
             EPOCH + 3 * NANOS,
             "rover/camera",
             (gap("overloaded", 2.0, 2.5), gap("states lost", 1.0, 1.1)),
         ),
     ]
-    with record(tmp_path / "a.mcap", lab, [(gaps_topic("rover/camera"), g) for g in told]) as it:
+    with record(
+        tmp_path / "a.mcap", lab, [(missing_readings_topic("rover/camera"), g) for g in told]
+    ) as it:
         cause_of = missing.left_out(it)
     picture, info = "/camera/image_raw/compressed", "/camera/camera_info"
     asked = ((picture, 0.25), (info, 0.5), (picture, 0.75), (picture, 1.0), (picture, 2.5))
@@ -327,7 +331,10 @@ def test_what_adds_up_from_states_that_it_did_not_see_may_differ(
     )
     tour = replace(tour, vehicles=(replace(rover, sensors=sensors),))
     rows = [
-        (gaps_topic(name), Gaps(EPOCH + NANOS, name, (gap(cause, 0.0, 0.5),)))
+        (
+            missing_readings_topic(name),
+            MissingReadings(EPOCH + NANOS, name, (gap(cause, 0.0, 0.5),)),
+        )
         for name in ("rover/imu", "rover/encoders", "rover/odometry")
     ]
     with record(tmp_path / "a.mcap", tour, rows) as recording:

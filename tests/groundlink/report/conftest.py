@@ -16,7 +16,7 @@ from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import BusMessage, Command, Health, Imu, StreamReport, packed
 from groundlink.messages.imagery import CompressedImage, Image
-from groundlink.messages.missing_readings import Gap, Gaps
+from groundlink.messages.missing_readings import MissingReadings, MissingSpan
 from groundlink.messages.navigation import Odometry
 from groundlink.messages.vitals import Contact, Vitals
 from groundlink.recording.metadata import (
@@ -104,8 +104,8 @@ def write(path: Path) -> Path:
         (s, "/imu", imu(s)) for s in stamps(400) if not GAP_S[0] < (s - EPOCH) / NANOS < GAP_S[1]
     ]
     first, last, now = (EPOCH + tick * TICK_NANOS for tick in (801, TOLD_TO_TICK, 1000))
-    told = Gap("overloaded", first, last, TOLD_TO_TICK - 800, ("",))
-    records.append((now, "/gaps/rover/imu", Gaps(now, "rover/imu", (told,))))
+    told = MissingSpan("overloaded", first, last, TOLD_TO_TICK - 800, ("",))
+    records.append((now, "/gaps/rover/imu", MissingReadings(now, "rover/imu", (told,))))
     records += [(s, "/cmd_vel", Command(s, (0.8, 0.0, 0.0), (0.0, 0.0, 0.5))) for s in stamps(20)]
     records += [(s, "/camera/image", image(s)) for s in stamps(5)]
     records += [

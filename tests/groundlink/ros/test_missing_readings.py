@@ -7,25 +7,32 @@ from collections import Counter
 
 import pytest
 
-from groundlink.messages.missing_readings import Cause, Gap, Gaps, counters_of, in_words, parted
+from groundlink.messages.missing_readings import (
+    Cause,
+    MissingReadings,
+    MissingSpan,
+    counters_of,
+    in_words,
+    parted,
+)
 from groundlink.ros.cdr import to_cdr
-from groundlink.ros.missing_readings import from_gaps
+from groundlink.ros.missing_readings import from_missing_readings
 from groundlink.ros.types import STORE
 
 TYPE = "diagnostic_msgs/msg/DiagnosticArray"
-THREE = Gaps(
+THREE = MissingReadings(
     *(2_600_000_000, "rover/camera"),
     (
-        Gap("overloaded", 0, 66_666_666, 3, ("", "camera_info")),
-        Gap("drop", 100_000_000, 100_000_000, 1, ("",)),
-        Gap("overloaded", 200_000_000, 200_000_000, 1, ("", "camera_info")),
+        MissingSpan("overloaded", 0, 66_666_666, 3, ("", "camera_info")),
+        MissingSpan("drop", 100_000_000, 100_000_000, 1, ("",)),
+        MissingSpan("overloaded", 200_000_000, 200_000_000, 1, ("", "camera_info")),
     ),
 )
 
 
 def test_they_come_back_as_they_went() -> None:
     array = STORE.deserialize_cdr(to_cdr(THREE), TYPE)
-    assert from_gaps(array) == THREE
+    assert from_missing_readings(array) == THREE
 
 
 def test_a_person_can_read_them() -> None:
@@ -38,7 +45,7 @@ def test_other_diagnostics_are_refused() -> None:
     array = STORE.deserialize_cdr(to_cdr(THREE), TYPE)
     array.status[0].values[0].value = "{}"
     with pytest.raises(ValueError, match="cause"):
-        from_gaps(array)
+        from_missing_readings(array)
 
 
 def test_counters_tell_them_to_whom_looks_on() -> None:

@@ -22,7 +22,7 @@ from groundlink.messages.base import (
     WheelEncoders,
 )
 from groundlink.messages.ground_truth import TRUE_POINT, Bodies, TruePoints
-from groundlink.messages.missing_readings import CAUSES, Gap, Gaps
+from groundlink.messages.missing_readings import CAUSES, MissingReadings, MissingSpan
 from groundlink.messages.vitals import Contact, Vitals
 from groundlink.ros.cdr import CODECS, from_cdr, to_cdr
 from groundlink.ros.codec import Moment
@@ -107,8 +107,8 @@ def bodies(draw: Any) -> Bodies:
 
 TICK = st.integers(0, 10**9)
 CONTACT = st.builds(Contact, FRAME, st.floats(0, 1e6), TICK, TICK)
-GAP = st.builds(
-    Gap,
+MISSING_SPAN = st.builds(
+    MissingSpan,
     *(st.sampled_from(sorted(CAUSES)), STAMP, STAMP, st.integers(1, 9)),
     st.lists(FRAME, max_size=3).map(tuple),
 )
@@ -161,7 +161,9 @@ ANY: dict[type[BusMessage], st.SearchStrategy[Any]] = {
     ),
     Bodies: bodies(),
     Faults: st.builds(Faults, STAMP, FRAME, TICK, st.lists(FAULT, max_size=3).map(tuple)),
-    Gaps: st.builds(Gaps, STAMP, FRAME, st.lists(GAP, max_size=3).map(tuple)),
+    MissingReadings: st.builds(
+        MissingReadings, STAMP, FRAME, st.lists(MISSING_SPAN, max_size=3).map(tuple)
+    ),
     Vitals: st.builds(
         Vitals,
         *(STAMP, FRAME, TICK, NUMBER, NUMBER),

@@ -27,14 +27,14 @@ from groundlink.messages.base import (
     packed,
 )
 from groundlink.messages.ground_truth import Bodies
-from groundlink.messages.missing_readings import Gap, Gaps
+from groundlink.messages.missing_readings import MissingReadings, MissingSpan
 from groundlink.messages.navigation import JointState, Odometry, PoseStamped
 from groundlink.messages.relayed import Relayed
 from groundlink.messages.vitals import Vitals
 from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
 from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros.missing_readings import from_gaps
+from groundlink.ros.missing_readings import from_missing_readings
 from groundlink.ros.types import STORE, TYPES, header
 from groundlink.run.fault_messages import Faults
 from groundlink.scenario import Scenario
@@ -357,13 +357,13 @@ def test_begin_and_end_of_a_fault_are_recorded(rig: Rig) -> None:
 
 def test_what_a_sensor_misses_is_recorded(rig: Rig) -> None:
     rig.clock(0)
-    gap = Gap("overloaded", EPOCH, EPOCH + 3 * TICK_NANOS, 4, ("",))
-    told = Gaps(EPOCH + 40 * TICK_NANOS, "rover/imu", (gap,))
+    gap = MissingSpan("overloaded", EPOCH, EPOCH + 3 * TICK_NANOS, 4, ("",))
+    told = MissingReadings(EPOCH + 40 * TICK_NANOS, "rover/imu", (gap,))
     for _ in range(2):
         rig.recorder.take(f"groundlink/{RUN}/gaps/rover/imu", told)
     ((tick, array),) = rig.written()["/gaps/rover/imu"]
     assert (tick, array.status[0].message) == (40, "4 overloaded")
-    assert from_gaps(array) == told
+    assert from_missing_readings(array) == told
 
 
 def test_what_came_too_fast_is_counted_by_topic_from_its_own_begin_on(lab: Scenario) -> None:

@@ -23,7 +23,7 @@ from groundlink.messages.base import (
     packed,
 )
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
-from groundlink.messages.missing_readings import Gap, Gaps
+from groundlink.messages.missing_readings import MissingReadings, MissingSpan
 from groundlink.messages.navigation import NavSatFix, Odometry
 from groundlink.messages.reading_schedule import ReadingSchedule
 from groundlink.scenario.faults import Fault
@@ -152,7 +152,7 @@ class Line:
         """By instant of measurement, in the order of arrival."""
 
         self.acks: list[Ack] = []
-        self.gaps: list[Gap] = []
+        self.gaps: list[MissingSpan] = []
 
     def process(
         self, model: SensorModel, world_hash: str = HASH, calendar: ReadingSchedule | None = None
@@ -167,7 +167,7 @@ class Line:
             ledger=calendar and ReadingLedger("it", calendar, [""], self.miss),
         )
 
-    def miss(self, told: Gaps) -> None:
+    def miss(self, told: MissingReadings) -> None:
         self.gaps += told.gaps
 
     def take(self, message: BusMessage) -> None:

@@ -16,7 +16,7 @@ from groundlink.bus.topics import sensor_outputs
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import BusMessage, State, encode, measured_nanos, packed
 from groundlink.messages.imagery import CompressedImage
-from groundlink.messages.missing_readings import Gaps
+from groundlink.messages.missing_readings import MissingReadings
 from groundlink.messages.reading_schedule import ReadingSchedule
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.inertial import InertialNoise
@@ -204,7 +204,7 @@ class Fed:
         assert reading not in self.came[output]
         self.came[output][reading] = encode(message)
 
-    def _tell(self, told: Gaps) -> None:
+    def _tell(self, told: MissingReadings) -> None:
         for gap in told.gaps:
             first, last = map(self._reading, (gap.first_nanos, gap.last_nanos))
             assert gap.readings == last - first + 1

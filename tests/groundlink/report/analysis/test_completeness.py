@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from groundlink.core.clock import NANOS
-from groundlink.messages.missing_readings import Cause, Gap, Gaps
+from groundlink.messages.missing_readings import Cause, MissingReadings, MissingSpan
 from groundlink.report.analysis.completeness import (
     IN_TRANSIT,
     RECORDER_BEHIND,
@@ -39,11 +39,11 @@ def account(*published: int, first: int = 0, last: int = 99, told: int = 90) -> 
     return made
 
 
-def gaps(*told: tuple[Cause, int, int], outputs: tuple[str, ...] = ("",)) -> Gaps:
-    return Gaps(
+def gaps(*told: tuple[Cause, int, int], outputs: tuple[str, ...] = ("",)) -> MissingReadings:
+    return MissingReadings(
         *(EPOCH, "rover/sonar"),
         tuple(
-            Gap(cause, EPOCH + a * PERIOD, EPOCH + b * PERIOD, b - a + 1, outputs)
+            MissingSpan(cause, EPOCH + a * PERIOD, EPOCH + b * PERIOD, b - a + 1, outputs)
             for cause, a, b in told
         ),
     )

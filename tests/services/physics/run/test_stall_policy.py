@@ -9,7 +9,7 @@ import pytest
 
 from groundlink.bus.core_topics import GATEWAY
 from groundlink.core.errors import RunFailed
-from groundlink.messages.missing_readings import Gap, Gaps
+from groundlink.messages.missing_readings import MissingReadings, MissingSpan
 from groundlink.messages.stalls import Stalls
 from groundlink.scenario.schema import Time
 from services.physics.run.stall_policy import START_SECONDS
@@ -135,7 +135,9 @@ def test_fail_in_lockstep_bears_time_that_stretches() -> None:
     + [(cause, False) for cause in ("not there", "world changed", "removed", "drop", "off")],
 )
 def test_fail_ends_a_run_that_lacks_readings_which_it_was_to_have(cause: Any, ends: bool) -> None:
-    told = Gaps(9, LIDAR, (Gap(cause, 1, 5, 3, ("",)), Gap(cause, 7, 8, 2, ("",))))
+    told = MissingReadings(
+        9, LIDAR, (MissingSpan(cause, 1, 5, 3, ("",)), MissingSpan(cause, 7, 8, 2, ("",)))
+    )
     for overload in ("slow", "skip"):
         begun(overload=overload).stall_policy.missing_readings(told)
     run = begun(overload="fail")

@@ -11,7 +11,7 @@ import pytest
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Ack, BusMessage, Clock, State
-from groundlink.messages.missing_readings import Gaps
+from groundlink.messages.missing_readings import MissingReadings
 from groundlink.messages.reading_schedule import Events
 from services.sensors.runtime.model import Made
 from services.sensors.runtime.reading_ledger import ReadingLedger
@@ -77,7 +77,7 @@ class Bench:
         self.worlds = worlds
         self.published: list[BusMessage] = []
         self.acks: list[Ack] = []
-        self.told: list[Gaps] = []
+        self.told: list[MissingReadings] = []
         self.reconnects = 0
         self.ledger = ReadingLedger(
             "rover/it", Events(TICK_RATE_HZ / PERIOD), [""], self.told.append
