@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measurements of what Groundlink promises, each a command."""
+"""Measurements of the stated performance of Groundlink, each a command."""

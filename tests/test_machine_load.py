@@ -32,7 +32,7 @@ def test_a_failure_on_a_busy_machine_is_a_skip_that_says_how_busy() -> None:
     assert ("failure on a busy machine", "assert 29.1 > 29.4") in report.sections
 
 
-def test_a_failure_on_a_quiet_machine_stays_one() -> None:
+def test_a_failure_on_an_idle_machine_stays_one() -> None:
     report = failed()
     judge(report, LIMIT)
     assert report.failed

@@ -52,11 +52,11 @@ class MessagePath(NamedTuple):
     source: LineProcess
     listener: LineProcess
 
-    def send(self, name: str, patience_s: float = TIMEOUT_S) -> float:
+    def send(self, name: str, timeout_s: float = TIMEOUT_S) -> float:
         """Return the latency of a message in milliseconds."""
         self.source.say(name)
         sent_nanos = self.source.number()
-        return (self.listener.number(patience_s) - sent_nanos) / 1e6
+        return (self.listener.number(timeout_s) - sent_nanos) / 1e6
 
 
 def _ours(stack: ExitStack) -> MessagePath:

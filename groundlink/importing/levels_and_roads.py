@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Level areas and roads: edits of heights and materials in a terrain grid.
 
-Each edit changes only its own surroundings, so a road costs its length and not the size of the map.
+Each edit changes only the area around it, so a road costs its length and not the size of the map.
 Parts beyond the map are cut off.
 """
 

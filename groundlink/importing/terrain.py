@@ -105,7 +105,7 @@ def _from_file(spec: HeightmapFile, file: Path, warn: Warn) -> tuple[NDArray[np.
     if gaps > heights.size / 2:
         raise BadFile(f"{file}: {gaps} of {heights.size} places have no height; use a part of it")
     if gaps:
-        warn(f"{file}: {gaps} places without a height were filled from their surroundings")
+        warn(f"{file}: {gaps} places without a height were filled from the heights around them")
         heights = _filled(heights)
     if max(-heights.min(), heights.max()) > MAX_HEIGHT_M:
         raise BadFile(

@@ -91,12 +91,12 @@ def partial_file(given: str, words: Iterable[str] = ()) -> Path:
 
 def _kind(document: Document) -> FileKind:
     keys = set(document.value) if isinstance(document.value, dict) else set()
-    for kind, telling in (
+    for kind, typical in (
         (FileKind.SCENARIO, {"world", "vehicles"}),
         (FileKind.VEHICLE, {"drive", "wheels", "urdf", "chassis"}),
         (FileKind.WORLD, {"materials", "solids", "room", "terrain"}),
     ):
-        if keys & telling:
+        if keys & typical:
             return kind
     raise ScenarioError(
         f"{document.mark(())}: this is no scenario (`vehicles`), no vehicle (`drive`) and no world "

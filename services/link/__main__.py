@@ -79,13 +79,13 @@ def _print_counters(relay: UdpRelay, *, as_json: bool) -> None:
         print(json.dumps(directions | rest), flush=True)
         return
     for name, counts in directions.items():
-        fates = ", ".join(
-            f"{fate} {counts[fate]}" for fate in (*OUTCOMES, "waiting") if counts[fate]
+        outcomes = ", ".join(
+            f"{outcome} {counts[outcome]}" for outcome in (*OUTCOMES, "waiting") if counts[outcome]
         )
         notes = ", ".join(f"{note} {counts[note]}" for note in NOTES if counts[note])
         print(
             f"{name}: datagrams {counts['datagrams']} + duplicated {counts['duplicated']} = "
-            f"{fates or 'none'}" + (f" (of these {notes})" if notes else "")
+            f"{outcomes or 'none'}" + (f" (of these {notes})" if notes else "")
         )
     print(", ".join(f"{name} {count}" for name, count in rest.items()), flush=True)
 

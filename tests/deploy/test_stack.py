@@ -44,7 +44,7 @@ UNDER_WAY_SECONDS = 0.25
 """Of a stream, may not have come when another one's message has."""
 
 KEPT = 0.95
-"""Of what is due and was not told missing, the part that has to come: UDP promises nothing."""
+"""Of what is due and was not told missing, the part that has to come: UDP guarantees nothing."""
 
 
 @pytest.fixture(scope="module")

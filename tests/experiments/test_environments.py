@@ -17,7 +17,7 @@ SAY = Console()
 
 
 def made(out: Path, program: ExternalProgram) -> None:
-    """What an environment leaves when it was made, with a Python that lives elsewhere."""
+    """What an environment leaves when it was made, with a Python from another folder."""
     folder = out / "environments" / program.name
     (folder / "bin").mkdir(parents=True)
     (folder / "bin" / "python").symlink_to("/bin/sh")

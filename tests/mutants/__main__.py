@@ -30,7 +30,7 @@ DEMANDED = 0.97
 
 
 class Copy:
-    """A copy of the repository in which one mutant lives at a time."""
+    """A copy of the repository that holds one mutant at a time."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 """How long to wait for what must come; long, as it only matters when something is broken."""
 
 
@@ -48,11 +48,11 @@ class Process:
         return "\n".join(self.lines[-20:])
 
     def wait_until(
-        self, is_enough: Callable[[], Any], what: str, *, patience_s: float = PATIENCE_S
+        self, is_enough: Callable[[], Any], what: str, *, timeout_s: float = TIMEOUT_S
     ) -> None:
         """Wait for output that satisfies the condition, or fail with all that there was."""
         with self._changed:
-            if not self._changed.wait_for(is_enough, patience_s):
+            if not self._changed.wait_for(is_enough, timeout_s):
                 raise AssertionError(
                     f"{what} did not come; the last output was:\n{self.end_of_output}"
                 )
@@ -77,13 +77,13 @@ class Process:
         start = json.dumps([topic, stamp_nanos, None])[: -len("null]")]
         self.wait_until(lambda: any(line.startswith(start) for line in self.lines), start)
 
-    def end(self, number: signal.Signals = signal.SIGTERM, timeout_s: float = PATIENCE_S) -> int:
+    def end(self, number: signal.Signals = signal.SIGTERM, timeout_s: float = TIMEOUT_S) -> int:
         """Send a signal, if it still runs; return the exit code."""
         if self._process.poll() is None:
             self._process.send_signal(number)
         return self.exit_code(timeout_s)
 
-    def exit_code(self, timeout_s: float = PATIENCE_S) -> int:
+    def exit_code(self, timeout_s: float = TIMEOUT_S) -> int:
         """Wait for the end; return the exit code."""
         try:
             code = self._process.wait(timeout_s)
@@ -94,7 +94,7 @@ class Process:
                 f"it did not end; the last output was:\n{self.end_of_output}"
             ) from None
         finally:
-            self._reader.join(PATIENCE_S)
+            self._reader.join(TIMEOUT_S)
             assert self._process.stdout
             self._process.stdout.close()
         return code

@@ -173,10 +173,10 @@ def test_nothing_overtakes_what_is_about_to_be_taken(node: QuickNode) -> None:
 
 
 def test_what_ros_refuses_is_counted_where_it_comes(node: QuickNode) -> None:
-    fates: list[bool] = []
-    outlet = PublishQueue(Ros2Publishers(node), lambda *fate: fates.append(fate[2]))  # type: ignore[arg-type]
+    outcomes: list[bool] = []
+    outlet = PublishQueue(Ros2Publishers(node), lambda *outcome: outcomes.append(outcome[2]))  # type: ignore[arg-type]
     put(outlet, 2, "/topic", 0)
-    wait_until(lambda: fates == [True], "the first, which creates the publisher")
+    wait_until(lambda: outcomes == [True], "the first, which creates the publisher")
     wait_until(lambda: not any(c.is_publishing for c in outlet._channels.values()), "rest")
 
     def fail(body: bytes) -> None:
@@ -184,6 +184,6 @@ def test_what_ros_refuses_is_counted_where_it_comes(node: QuickNode) -> None:
 
     node.publish = fail  # type: ignore[method-assign]
     put(outlet, 2, "/topic", 1)
-    assert fates == [True, False]
+    assert outcomes == [True, False]
     outlet.close()
     assert (outlet.published, outlet.refused, outlet.dropped) == (1, 1, 0)

@@ -7,12 +7,12 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from .processes import PATIENCE_S
+from .processes import TIMEOUT_S
 
 
 def wait_until(is_enough: Callable[[], Any], what: str) -> None:
     """Wait for a condition, or fail naming it."""
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + TIMEOUT_S
     while not is_enough():
         assert time.monotonic() < end, f"{what} did not come"
         time.sleep(0.01)

@@ -99,7 +99,7 @@ def check(listener: Process, rows: Expected, frames: dict[str, str]) -> dict[int
 
 def one_tree(looks: Process, *, base_of: str) -> None:
     """Check what tf2 says: the camera is in the map at each of 100 stamps of 5 s, in one tree."""
-    looks.wait_until(lambda: looks.messages("tf"), "what tf2 says", patience_s=120)
+    looks.wait_until(lambda: looks.messages("tf"), "what tf2 says", timeout_s=120)
     found, complaint, parents = looks.messages("tf")[0][1]
     assert (found, complaint) == (100, "")
     assert {*parents.values()} - parents.keys() == {"world"}, parents
@@ -143,7 +143,7 @@ def test_all_of_it_is_in_both_and_the_same(name: str, ros1: Ros1, ros: Ros, tmp_
         looks = ros1.start(str(ASKER), "map", "camera_optical_frame", str(TF_SECONDS))
         looks.wait_for("ready")
         it.up("--no-ros", "--record", str(recording))
-        ears.wait_until(lambda: enough(ears, rows), "two seconds of all", patience_s=100)
+        ears.wait_until(lambda: enough(ears, rows), "two seconds of all", timeout_s=100)
         clouds["ROS 1"] = check(ears, rows, frames)
         one_tree(looks, base_of="odom" if "/odom" in rows else "map")
         it.stop()
@@ -158,7 +158,7 @@ def test_all_of_it_is_in_both_and_the_same(name: str, ros1: Ros1, ros: Ros, tmp_
             *((kind, topic, late.get(topic, RELIABLE)) for topic, (kind, _) in rows.items())
         )
         it.up("--no-ros")
-        ears.wait_until(lambda: enough(ears, rows), "two seconds of all", patience_s=100)
+        ears.wait_until(lambda: enough(ears, rows), "two seconds of all", timeout_s=100)
         clouds["ROS 2"] = check(ears, rows, frames)
         it.stop()
         assert node.end() == 0

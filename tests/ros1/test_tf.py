@@ -48,7 +48,7 @@ def test_a_user_finds_the_robot(ros1: Ros1, tmp_path: Path) -> None:
         looks = ros1.start(str(asker), "map", "camera_optical_frame", "5")
         looks.wait_for("ready")
         start(it, ros1)
-        looks.wait_until(lambda: looks.messages("tf"), "what tf2 says", patience_s=80)
+        looks.wait_until(lambda: looks.messages("tf"), "what tf2 says", timeout_s=80)
         found, complaint, parents = looks.messages("tf")[0][1]
         assert (found, complaint) == (100, "")
         assert {*parents.values()} - parents.keys() == {"world"}, parents

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run over Ethernet-sized datagrams: blocks, wishes of both sides, poses and maps from ROS."""
+"""A run over Ethernet-sized datagrams: blocks, subscriptions both ways, poses and maps from ROS."""
 
 from __future__ import annotations
 
@@ -68,8 +68,8 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
             yield Running(it, observer, bus)
 
 
-class Asker:
-    """A plain receiver that wishes for topics as any peer may."""
+class Subscriber:
+    """A plain receiver that subscribes to topics as any peer may."""
 
     def __init__(self, it: Rig) -> None:
         self.got: list[WireMessage] = []
@@ -79,23 +79,25 @@ class Asker:
         if MSG_TYPES[message.msg_type].ros_type:
             self.got.append(message)
 
-    def wish(self, msg_type: int, topic: str, *, lease_s: int, max_rate_hz: float = 0.0) -> None:
+    def subscribe(
+        self, msg_type: int, topic: str, *, lease_s: int, max_rate_hz: float = 0.0
+    ) -> None:
         body = Subscribe(msg_type, lease_s=lease_s, max_rate_hz=max_rate_hz).pack()
         self.link.send(7, topic, "", time.time_ns(), body)
 
 
 @pytest.fixture
-def asker(running: Running) -> Iterator[Asker]:
-    it = Asker(running.rig)
+def subscriber(running: Running) -> Iterator[Subscriber]:
+    it = Subscriber(running.rig)
     yield it
     it.link.close()
 
 
-def test_every_block_arrives(asker: Asker) -> None:
+def test_every_block_arrives(subscriber: Subscriber) -> None:
     """Of some three seconds; a plain receiver, as DDS holds nobody up."""
-    asker.wish(CLOUD, "/points", lease_s=60)
-    wait_for(lambda: len(asker.got) >= 700, 60, "700 blocks")
-    blocks = asker.got[:700]
+    subscriber.subscribe(CLOUD, "/points", lease_s=60)
+    wait_for(lambda: len(subscriber.got) >= 700, 60, "700 blocks")
+    blocks = subscriber.got[:700]
     gaps = set(np.diff([block.stamp_nanos for block in blocks]).tolist())
     assert gaps == {4_166_666, 4_166_667}, "15 degrees of 10 Hz each"
     assert max(block.parts for block in blocks) <= 37, "datagrams have not grown"
@@ -104,21 +106,21 @@ def test_every_block_arrives(asker: Asker) -> None:
     assert sizes.mean() > 0.8 * 150 * 16 * 22
 
 
-def test_ground_truth_comes_as_long_as_it_is_wished_and_is_true(
-    running: Running, asker: Asker
+def test_ground_truth_comes_during_its_lease_and_is_true(
+    running: Running, subscriber: Subscriber
 ) -> None:
     states: BusInbox[State] = BusInbox(depth=10_000)
     running.bus.subscribe(STATE.key_in(running.rig.run), State, states)
-    asker.wish(ODOMETRY, "/ground_truth/odom", lease_s=60, max_rate_hz=10.0)
-    wait_for(lambda: len(asker.got) >= 8, 10, "ground truth")
-    gaps = np.diff([message.stamp_nanos for message in asker.got[:8]])
-    assert set(gaps.tolist()) == {100_000_000}, "50 Hz, thinned out to the 10 that were wished"
+    subscriber.subscribe(ODOMETRY, "/ground_truth/odom", lease_s=60, max_rate_hz=10.0)
+    wait_for(lambda: len(subscriber.got) >= 8, 10, "ground truth")
+    gaps = np.diff([message.stamp_nanos for message in subscriber.got[:8]])
+    assert set(gaps.tolist()) == {100_000_000}, "50 Hz, thinned out to the 10 that were requested"
     known: dict[int, State] = {}
 
     def true_ones() -> list[WireMessage]:
         while arrived := states.get(seconds=0):
             known[arrived[1].stamp_nanos] = arrived[1]
-        return [message for message in list(asker.got) if message.stamp_nanos in known]
+        return [message for message in list(subscriber.got) if message.stamp_nanos in known]
 
     both = wait_for(true_ones, 20, "states of the same instants")
     message_type = type(EXAMPLES["odometry"].message)
@@ -127,34 +129,36 @@ def test_ground_truth_comes_as_long_as_it_is_wished_and_is_true(
         truth = known[message.stamp_nanos].vehicles["rover"].poses()[0]
         assert [pose["position"][axis] for axis in "xyz"] == truth[:3].tolist()
         assert [pose["orientation"][axis] for axis in "xyzw"] == truth[3:].tolist()
-    asker.wish(ODOMETRY, "/ground_truth/odom", lease_s=1, max_rate_hz=10.0)
-    wait_for(lambda: is_over(asker), 10, "the end of the lease")
-    count = len(asker.got)
-    asker.wish(ODOMETRY, "/ground_truth/odom", lease_s=2)
-    wait_for(lambda: len(asker.got) > count, 10, "ground truth for who asks anew")
+    subscriber.subscribe(ODOMETRY, "/ground_truth/odom", lease_s=1, max_rate_hz=10.0)
+    wait_for(lambda: is_over(subscriber), 10, "the end of the lease")
+    count = len(subscriber.got)
+    subscriber.subscribe(ODOMETRY, "/ground_truth/odom", lease_s=2)
+    wait_for(lambda: len(subscriber.got) > count, 10, "ground truth for who asks anew")
 
 
-def is_over(asker: Asker) -> bool:
-    before = len(asker.got)
-    time.sleep(0.5)  # five messages of the wished rate
-    return len(asker.got) == before
+def is_over(subscriber: Subscriber) -> bool:
+    before = len(subscriber.got)
+    time.sleep(0.5)  # five messages of the requested rate
+    return len(subscriber.got) == before
 
 
-def test_what_another_process_publishes_is_carried(running: Running, asker: Asker) -> None:
+def test_what_another_process_publishes_is_carried(
+    running: Running, subscriber: Subscriber
+) -> None:
     scan = EXAMPLES["laser-scan"].message
     key = STREAM_TOPICS["laser_scan"].key_in(running.rig.run, vehicle="rover", sensor="scan")
     publish = running.bus.publisher(key, STREAM_TOPICS["laser_scan"].delivery)
-    asker.wish(SCAN, "/scan", lease_s=30)
+    subscriber.subscribe(SCAN, "/scan", lease_s=30)
     stamp = time.time_ns()
 
     def comes() -> bool:
         nonlocal stamp
         stamp += 1_000_000
         publish(replace(scan, stamp_nanos=stamp))
-        return bool(asker.got)
+        return bool(subscriber.got)
 
     wait_for(comes, 10, "a scan")
-    message = asker.got[0]
+    message = subscriber.got[0]
     expected = replace(scan, stamp_nanos=message.stamp_nanos)
     assert (message.msg_type, message.topic, message.link) == (SCAN, "/scan", "laser_link")
     assert bytes(message.body) == bytes(to_cdr(expected))

@@ -59,7 +59,7 @@ def test_time_stands_still_goes_on_by_ticks_and_begins_again(
     run: tuple[Rig, Bus, BusInbox[Imu]],
 ) -> None:
     it, bus, samples = run
-    first_life = first_samples(samples)
+    first_episode = first_samples(samples)
 
     paused = send_command(bus, it.run, Pause())
     assert paused.paused
@@ -73,7 +73,7 @@ def test_time_stands_still_goes_on_by_ticks_and_begins_again(
     assert again.paused
     assert again.tick == 0
     assert not send_command(bus, it.run, Resume()).paused
-    assert first_samples(samples) == first_life
+    assert first_samples(samples) == first_episode
 
 
 def test_the_command_line_says_what_became_of_it(run: tuple[Rig, Bus, BusInbox[Imu]]) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Each process starts alone, as on a machine of its own."""
+"""Processes that are started separately, as on a machine each."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.system
 SENSORS = ("lidar", "imu", "encoders")
 
 
-def start_alone(it: Rig) -> None:
+def start_separately(it: Rig) -> None:
     """Start every process by hand: physics is the router, the others know only its endpoint."""
     it.start("-m", "services.physics", str(it.scenario), "--listen", it.endpoint, log="physics.log")
     for name in SENSORS:
@@ -27,9 +27,11 @@ def start_sensor(it: Rig, name: str) -> int:
     return it.start(*command, "--connect", it.endpoint, log=f"{name}.log").pid
 
 
-def test_processes_start_alone_and_the_gateway_speaks_to_a_plain_receiver(tmp_path: Path) -> None:
+def test_separate_processes_find_the_run_and_the_gateway_sends(
+    tmp_path: Path,
+) -> None:
     with rig(tmp_path) as it:
-        start_alone(it)
+        start_separately(it)
         it.start("-m", "services.gateway", "--connect", it.endpoint, log="gateway.log")
         receiver = ("-m", "udp_bridge", "listen", "--bind", it.address(it.peer), "--json")
         it.start(*receiver, log="received.jsonl")

@@ -328,7 +328,7 @@ def test_a_killed_recorder_loses_less_than_a_second(driving: Rig) -> None:
                 assert sum(1 for _ in reader.messages()) == sum(map(len, times.values()))
 
 
-def test_a_new_life_of_physics_is_a_new_file(tmp_path: Path) -> None:
+def test_a_new_episode_is_a_new_file(tmp_path: Path) -> None:
     with rig(tmp_path) as it:
         out, second = tmp_path / "run.mcap", tmp_path / "run_2.mcap"
         up = it.up("--no-ros", "--record", str(out))

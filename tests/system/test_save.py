@@ -72,8 +72,8 @@ def spawn(bus: Bus, what: str, at: SpawnPlace) -> None:
 
 
 def suffer(bus: Bus, sensor: str, fault: Fault) -> None:
-    wish = msgspec.json.encode(fault).decode()
-    (answer,) = bus.query(faults_key(RUN, sensor), wish, seconds=30).values()
+    request = msgspec.json.encode(fault).decode()
+    (answer,) = bus.query(faults_key(RUN, sensor), request, seconds=30).values()
     assert not msgspec.json.decode(answer, type=FaultAnswer).error
 
 

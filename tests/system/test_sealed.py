@@ -21,9 +21,9 @@ LINK = (sys.executable, "-m", "groundlink", "link")
 pytestmark = pytest.mark.system
 
 
-def change(it: Rig, *wishes: str, code: int = 0) -> str:
+def change(it: Rig, *settings: str, code: int = 0) -> str:
     """Change the run's link and return what the command says."""
-    words = [word for wish in wishes for word in ("--set", wish)]
+    words = [word for setting in settings for word in ("--set", setting)]
     done = subprocess.run(
         [
             sys.executable,

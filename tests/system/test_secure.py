@@ -237,7 +237,7 @@ def test_a_certificate_lets_say_its_own_alone(running: Running, operator: Bus, h
     assert came == {key for key in tried if key.split("/", 2)[2] in own}
 
 
-QUESTIONS = {
+QUERIES = {
     key: key(ELSEWHERE)
     for key in (scenario_key, asset_key, history_key, journal_key, control_key, link_key)
 } | {faults_key: faults_key(ELSEWHERE, "rover/lidar")}
@@ -251,15 +251,15 @@ def test_a_sensor_answers_only_what_is_asked_of_it(running: Running, operator: B
             with query as asked:  # type: ignore[attr-defined]
                 asked.reply(f"{str(asked.key_expr).removesuffix('/**')}/0", b"intruder")
 
-        for key in (own, *QUESTIONS.values()):
+        for key in (own, *QUERIES.values()):
             intruder.declare_queryable(f"{key}/**", answer)
         time.sleep(FIRST_SECONDS)
         assert operator.query(own, seconds=3)
-        for key in QUESTIONS.values():
+        for key in QUERIES.values():
             assert not operator.query(key, seconds=0.5), key
 
 
-def test_a_sensor_wishes_nothing(running: Running) -> None:
+def test_a_sensor_may_send_no_queries(running: Running) -> None:
     """It may ask for the world and not for a pause, which the gateway may for ROS."""
     with running.secured.session("gateway") as gateway:
         assert [r for r in gateway.get(f"{control_key(RUN)}/**", timeout=3) if r.ok]

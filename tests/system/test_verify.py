@@ -169,7 +169,7 @@ def test_a_run_in_real_time_with_people_and_accidents_in_it(tmp_path: Path) -> N
         )
         wait_for(out.exists, 20, "it records")
         draw = random.Random(1)
-        wishes = [(1.0, Stuck()), (2.0, Bias(value=0.5)), (3.0, CLEAR)]
+        requests = [(1.0, Stuck()), (2.0, Bias(value=0.5)), (3.0, CLEAR)]
         with Bus(connect=it.endpoint) as bus:
             command = bus.publisher(COMMAND.key_in(it.run, vehicle="rover"), COMMAND.delivery)
             clocks: BusInbox[Clock] = BusInbox(depth=1)
@@ -189,12 +189,16 @@ def test_a_run_in_real_time_with_people_and_accidents_in_it(tmp_path: Path) -> N
                 stamp = now + draw.randrange(-NANOS // 10, NANOS // 10)
                 linear, angular = (draw.uniform(0.0, 1.5), 0.0, 0.0), (0.0, 0.0, draw.gauss())
                 command(Command(stamp, linear, angular))
-                if wishes and seconds > wishes[0][0]:
-                    wish = wishes.pop(0)[1]
-                    said = wish if isinstance(wish, str) else msgspec.json.encode(wish).decode()
+                if requests and seconds > requests[0][0]:
+                    request = requests.pop(0)[1]
+                    said = (
+                        request
+                        if isinstance(request, str)
+                        else msgspec.json.encode(request).decode()
+                    )
                     assert bus.query(faults_key(it.run, "rover/imu"), said, seconds=5.0)
                 time.sleep(draw.uniform(0.0, 0.2))
-        assert (wishes, spawn.returncode) == ([], 0), it.log("spawn.log")
+        assert (requests, spawn.returncode) == ([], 0), it.log("spawn.log")
         os.kill(recorder.pid, signal.SIGKILL)
         assert physics.poll() is None
     done = groundlink("verify", str(out), str(scenario))

@@ -286,7 +286,7 @@ def _counts() -> Iterator[list[Arrival]]:
     tie = [(0, who, single(topic=f"/{n}")) for who in (1, 2) for n in range(512)]
     back = [(0, who, single(topic="/0")) for who in (3, 2, 1)]
     yield [*tie, *back, (1, REPORT, b"")]
-    for ahead in (1, 2, 1022, 1023, 1024, 1025, 2**31 - 1, 2**31):  # fates that are remembered
+    for ahead in (1, 2, 1022, 1023, 1024, 1025, 2**31 - 1, 2**31):  # outcomes that are remembered
         rows = [part(0, 2, 9, 0), part(0, 2, 9, ahead), part(1, 2, 9, 0), single(ahead + 1, 2)]
         yield at_once(rows)
         yield at_once([single(ahead, 9), part(0, 2, 9, 0), part(1, 2, 9, 0, sec=1)])

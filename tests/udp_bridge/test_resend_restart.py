@@ -59,10 +59,10 @@ def test_nothing_is_lost_or_doubled(kind: str, datagram: object, size: int, peri
         assert len(came) == len(set(came)), seed
         for stamp in set(sent) - set(came):
             assert any(0 < when - stamp <= REPAIR_TIME for when in restarts), (seed, stamp)
-        # The receiver's report is about the last life, and the whole of it.
+        # The receiver's report is about what was sent since the last restart, and all of it.
         report = sim.inbox.reassembler.reports(SENDER, 0)[0][2]
-        last_life = [stamp for stamp in sent if stamp >= restarts[-1]]
-        assert (report.first_number, report.numbers, report.missing) == (0, len(last_life), 0)
+        since_restart = [stamp for stamp in sent if stamp >= restarts[-1]]
+        assert (report.first_number, report.numbers, report.missing) == (0, len(since_restart), 0)
         assert report.first_seen_stamp_nanos >= restarts[-1]
 
 

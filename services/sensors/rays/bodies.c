@@ -88,7 +88,7 @@ static struct beam beam_of(const struct rays *rays, int packets)
 }
 
 /* Meet a body, if any ray passes its ball at its own instant. */
-static void meet_body(const struct surroundings *around, int32_t body, struct rays *rays)
+static void meet_body(const struct ray_world *around, int32_t body, struct rays *rays)
 {
     const struct packet *world = &rays->world;
     const double *first[LANES], *second[LANES];
@@ -137,7 +137,7 @@ static void meet_body(const struct surroundings *around, int32_t body, struct ra
         }
 }
 
-void groundlink_meet_bodies(const struct surroundings *around, struct rays *rays, int packets)
+void groundlink_meet_bodies(const struct ray_world *around, struct rays *rays, int packets)
 {
     const struct node *waiting[MOST_DEPTH + 1] = {around->nodes};
     const struct beam beam = beam_of(rays, packets);

@@ -52,7 +52,7 @@ struct terrain {
 };
 
 /* What is in the scene; a structure of the same name in `scene.py` fills it. */
-struct surroundings {
+struct ray_world {
     intersect8 *intersect;
     void *const *scenes;           /* of the engine: the static world's, then each body's */
     const float (*vertices)[3];
@@ -93,7 +93,7 @@ static inline void cross(const double a[3], const double b[3], double result[3])
 }
 
 /* A body's poses before and after a time. */
-static inline const double *poses(const struct surroundings *around, int32_t body, int32_t before,
+static inline const double *poses(const struct ray_world *around, int32_t body, int32_t before,
                                   const double **after)
 {
     const double *pose = around->poses[(ptrdiff_t)before * around->bodies + body];
@@ -113,7 +113,7 @@ static inline void mix(const double *first, const double *second, double share, 
 }
 
 /* Let the engine find what a packet meets in one of its scenes. */
-static inline void find(const struct surroundings *around, ptrdiff_t scene, struct packet *packet)
+static inline void find(const struct ray_world *around, ptrdiff_t scene, struct packet *packet)
 {
     static const int32_t valid[LANES] __attribute__((aligned(64))) = {-1, -1, -1, -1,
                                                                       -1, -1, -1, -1};
@@ -133,6 +133,6 @@ int32_t groundlink_terrain_label(const struct terrain *terrain, int32_t triangle
                                  double normal[3]);
 
 /* Meet all bodies that some packets may meet; in `bodies.c`. */
-void groundlink_meet_bodies(const struct surroundings *around, struct rays *rays, int packets);
+void groundlink_meet_bodies(const struct ray_world *around, struct rays *rays, int packets);
 
 #endif

@@ -59,8 +59,8 @@ class Hits:
     """Shape (...): number of the moving body, -1 for the static world and for no hit."""
 
 
-class _Surroundings(ctypes.Structure):
-    """The structure `surroundings` of `tracer.c`."""
+class _RayWorld(ctypes.Structure):
+    """The structure `ray_world` of `tracer.c`."""
 
     _fields_ = (
         *((name, c_void_p) for name in ("intersect", "scenes")),
@@ -150,7 +150,7 @@ class Scene:
         meshes, tree = self._meshes, self._tree
         known = meshes.vertices, meshes.faces, meshes.labels, meshes.first_triangle
         moved = self._poses, self._radii, tree.nodes, tree.order
-        around = _Surroundings(
+        around = _RayWorld(
             self._engine.intersect,
             ctypes.addressof(self._scenes),
             *(array.ctypes.data for array in (*known, *moved)),

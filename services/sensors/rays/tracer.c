@@ -33,7 +33,7 @@ static inline void turn(const double q[4], double v[3])
 }
 
 /* Return where exactly a lane met its triangle of a mesh, and the triangle's unit normal in the world. */
-static float met(const struct surroundings *around, const struct rays *rays, int lane,
+static float met(const struct ray_world *around, const struct rays *rays, int lane,
                  float max_range, double normal[3])
 {
     const uint32_t *face = around->faces[rays->triangle[lane]];
@@ -67,7 +67,7 @@ static float met(const struct surroundings *around, const struct rays *rays, int
 }
 
 /* Start rays `first` to `end`, 8 at most, and meet the static world. */
-static void meet_world(const struct surroundings *around, size_t count, size_t first, size_t end,
+static void meet_world(const struct ray_world *around, size_t count, size_t first, size_t end,
                        float max_range, const float *origins, const float *directions,
                        const float *times, struct rays *rays)
 {
@@ -103,7 +103,7 @@ static void meet_world(const struct surroundings *around, size_t count, size_t f
 }
 
 /* Have the corners of the triangles that were met at hand when `met` needs them. */
-static void fetch(const struct surroundings *around, const struct rays *rays)
+static void fetch(const struct ray_world *around, const struct rays *rays)
 {
     for (int lane = 0; lane < LANES; lane++)
         if (rays->triangle[lane] >= 0 && rays->body[lane] != TERRAIN)
@@ -113,7 +113,7 @@ static void fetch(const struct surroundings *around, const struct rays *rays)
 }
 
 /* Trace rays `begin` to `end` of `count`. */
-void groundlink_trace(const struct surroundings *around, size_t count, size_t begin, size_t end,
+void groundlink_trace(const struct ray_world *around, size_t count, size_t begin, size_t end,
                       float max_range, const float *origins, const float *directions,
                       const float *times, float *range, float *normals, int32_t *labels,
                       int32_t *bodies)

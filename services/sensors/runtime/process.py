@@ -128,7 +128,7 @@ def follower(
         if not output:
             link.send(message, sensor.epoch_nanos)
 
-    faulty = FaultWrapper(
+    wrapped = FaultWrapper(
         model,
         faults=spec.faults,
         messages={output.name: output.row.message for output in sensor_outputs(spec)},
@@ -147,15 +147,15 @@ def follower(
         found = changed.sensor(name)
         if found is None:
             ledger.because("removed")
-            faulty.renew(RemovedSensor())
-        elif kind.sees_world or faulty.has_gone:
+            wrapped.renew(RemovedSensor())
+        elif kind.sees_world or wrapped.has_gone:
             ledger.because("world changed")
-            faulty.renew(make_model(changed, found[0], spec))
+            wrapped.renew(make_model(changed, found[0], spec))
         return True
 
     time = scenario.time
     sensor = SensorProcess(
-        faulty,
+        wrapped,
         expected_world_hash=world_hash(scenario),
         renew=renew,
         ack_ticks=time.ack_ticks,
@@ -169,7 +169,7 @@ def follower(
     )
     live = LiveFaults(
         sensor,
-        faulty,
+        wrapped,
         vehicle=vehicle,
         spec=spec,
         report=publisher(FAULTS.key_in(run_name, process=name), FAULTS.delivery),

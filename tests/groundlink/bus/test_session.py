@@ -107,7 +107,7 @@ def test_a_large_cloud_arrives_byte_for_byte(endpoint: str) -> None:
         assert bytes(message[1].points) == points.tobytes()
 
 
-def test_questions_are_answered_in_order_and_with_parameters(endpoint: str) -> None:
+def test_queries_are_answered_in_order_and_with_parameters(endpoint: str) -> None:
     with Bus(connect=endpoint) as server, Bus(connect=endpoint) as asker:
         server.serve(KEY, lambda words: [f"{i} {words}".encode() for i in range(12)])
         wait_for(lambda: asker.query(KEY, "rover/imu", seconds=2))
@@ -116,7 +116,9 @@ def test_questions_are_answered_in_order_and_with_parameters(endpoint: str) -> N
         assert asker.query("groundlink/test/nobody", seconds=0.5) == {}
 
 
-def test_a_long_answer_comes_whole_and_in_order_to_who_answers_questions_too(endpoint: str) -> None:
+def test_a_long_answer_reaches_a_session_that_also_serves_queries(
+    endpoint: str,
+) -> None:
     states = [b"%d" % number for number in range(1025)]
     with Bus(connect=endpoint) as answering, Bus(connect=endpoint) as asking:
         answering.serve(KEY, lambda _: states)

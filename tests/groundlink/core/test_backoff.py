@@ -18,7 +18,7 @@ def test_it_asks_ever_less_often_while_nothing_comes() -> None:
     assert waits[-1] == MAX_SECONDS + 1
 
 
-def test_what_comes_begins_the_quiet_anew() -> None:
+def test_each_arrival_resets_the_backoff() -> None:
     backoff = Backoff(0.0)
     assert len(asked_at(backoff, 100)) > 3
     backoff.reset(100.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may say what: the grants against the tables of topics and questions."""
+"""Access rules: the grants against the tables of topics and queries."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_what_is_not_granted_is_denied_and_no_rule_is_idle(tour: Scenario) -> No
     assert all(rule["permission"] == "allow" for rule in control["rules"])
 
 
-def test_the_gateway_tells_physics_what_ros_wishes_and_no_other_process_may(tour: Scenario) -> None:
+def test_only_the_gateway_passes_run_commands_from_ros_to_physics(tour: Scenario) -> None:
     policies = access_control(tour)["policies"]
     assert [p["subjects"] for p in policies if "control" in p["rules"]] == [["gateway"]]
 

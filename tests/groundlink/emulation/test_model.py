@@ -41,7 +41,7 @@ def run(
 def adds_up(one_way: LinkDirection[int]) -> bool:
     counts = one_way.counts
     offered = counts["datagrams"] + counts["duplicated"]
-    return offered == sum(counts[fate] for fate in OUTCOMES) + one_way.waiting
+    return offered == sum(counts[outcome] for outcome in OUTCOMES) + one_way.waiting
 
 
 def agrees(count: int, share: float, total: int) -> bool:
@@ -201,14 +201,14 @@ BAD = {"loss": 0.1, "burst": 3.0, "duplicate": 0.1, "reorder": 0.1, "bit_errors"
 
 
 def test_the_same_seed_does_the_same_whenever_datagrams_come() -> None:
-    def fates(period: int, **more: int) -> list[tuple[int, bytes]]:
+    def outcomes(period: int, **more: int) -> list[tuple[int, bytes]]:
         one_way = way(flips=True, **BAD, **more)  # type: ignore[arg-type]
         for index in range(3000):
             one_way.put(bytes(500), index, index * period)
         return sorted((tag, datagram) for _, datagram, tag in drain(one_way))
 
-    assert fates(1) == fates(7 * MS)
-    assert fates(1) != fates(1, seed=2)
+    assert outcomes(1) == outcomes(7 * MS)
+    assert outcomes(1) != outcomes(1, seed=2)
 
 
 def test_directions_are_independent() -> None:

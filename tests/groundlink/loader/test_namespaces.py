@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Vehicles in company have topics, commands and frames of their own; one that is alone has none."""
+"""Several vehicles have namespaced topics, commands and frames; a single vehicle has none."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def vehicle(
     return VEHICLE.format(name=name, x=x, topic=topic, pose=pose, more=more)
 
 
-def test_one_that_is_alone_has_no_namespace(tmp_path: Path) -> None:
+def test_a_single_vehicle_has_no_namespace(tmp_path: Path) -> None:
     (rover,) = load(scenario(tmp_path, vehicle("rover"))).vehicles
     assert (rover.namespace, rover.frame_prefix, rover.command_topic) == ("", "", "/cmd_vel")
     assert (rover.sensors[0].topic, rover.from_ros.pose) == ("/imu", "/pose")

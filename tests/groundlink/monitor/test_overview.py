@@ -84,7 +84,7 @@ def test_a_restart_is_counted_and_its_rate_begins_anew(run: Overview) -> None:
     assert row(run, "rover/imu", 6.0)["measured_hz"] == pytest.approx(400.0)
 
 
-def test_a_new_life_of_physics_begins_the_rates_anew(run: Overview) -> None:
+def test_a_new_episode_resets_the_rates(run: Overview) -> None:
     run.update(health("rover/imu", 0, 0), 5.0)
     assert row(run, "rover/imu", 5.0)["measured_hz"] is None
 

@@ -35,23 +35,23 @@ def test_counts_of_a_restarted_gateway_are_added_to_those_before(second: int) ->
     assert total.age_seconds == 0.001
 
 
-def test_three_lives_add_up() -> None:
+def test_three_episodes_add_up() -> None:
     assert heard((7, report(100)), (8, report(200, lost=5)), (9, report(50))).sent == 350
 
 
-def test_a_gateway_that_counts_anew_in_the_same_process_is_another_life() -> None:
+def test_counters_that_restart_in_the_same_process_begin_an_episode() -> None:
     total = heard((7, report(300)), (7, report(20)), (7, report(40)))
     assert (total.sent, total.messages, total.delivered_bytes) == (340, 340, 3400)
 
 
 @pytest.mark.parametrize("before", [False, True])
 @pytest.mark.parametrize("now", [False, True])
-def test_what_one_life_was_told_of_is_reported(before: bool, now: bool) -> None:
+def test_what_one_episode_was_told_of_is_reported(before: bool, now: bool) -> None:
     episodes = (replace(report(100), reported=told) for told in (before, now))
     assert heard(*enumerate(episodes)).reported is (before or now)
 
 
-def test_the_rate_is_that_over_all_lives() -> None:
+def test_the_rate_is_that_over_all_episodes() -> None:
     total = heard((7, report(101, hz=100.0)), (8, report(51, hz=50.0)))
     assert total.measured_hz == pytest.approx(150 / 2.0)
     assert heard((7, report(101)), (8, report(0, hz=None))).measured_hz == pytest.approx(100.0)

@@ -194,5 +194,5 @@ def test_no_child_outlives_a_killed_supervisor() -> None:
     while Path(f"/proc/{child}/exe").exists():
         if time.monotonic() > deadline:
             os.kill(child, signal.SIGKILL)
-            raise AssertionError("the child lives on")
+            raise AssertionError("the child is still running")
         time.sleep(0.02)

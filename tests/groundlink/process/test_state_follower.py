@@ -116,7 +116,7 @@ def test_an_acknowledgement_got_lost() -> None:
     assert taker.acknowledged_tick == 4
 
 
-def test_the_first_state_of_a_life_got_lost() -> None:
+def test_the_first_state_of_an_episode_got_lost() -> None:
     physics, taker = Physics([state(0)], acknowledged=-1), Taker()
     taker.tick = taker.acknowledged_tick = 300  # of another one
     follow(physics, taker, until(lambda: taker.taken[-1:] == [0]), waited_for=True)

@@ -178,7 +178,7 @@ def test_an_ideal_localisation_turns_odometry_about_the_axes_of_the_map() -> Non
     np.testing.assert_allclose(map_from_base, transform((3.0, 1.0, 0.0), turned), atol=1e-6)
 
 
-def test_another_life_knows_nothing_of_the_one_before() -> None:
+def test_another_episode_knows_nothing_of_the_one_before() -> None:
     _, (base,) = of("indoor_paper", map="truth")
     told(base, [("truth", odometry(9 * PERIOD, 3.0, 0.2))])
     base.restart()

@@ -160,7 +160,7 @@ def test_a_machine_says_what_it_has_otherwise() -> None:
     assert this_platform().versions.keys() >= {"python", "pybullet", "numpy"}
 
 
-def test_a_state_has_one_digest_in_every_life() -> None:
+def test_a_state_has_one_digest_in_every_episode() -> None:
     state = State("run", 1, 5, 3, 7_500_000, "hash", {})
     assert state_digest(state) == state_digest(replace(state, run="b", episode=2, epoch_nanos=6))
     assert state_digest(state) != state_digest(replace(state, tick=4))

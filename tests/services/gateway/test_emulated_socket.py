@@ -154,7 +154,9 @@ def test_counters_add_up_under_everything_at_once(stack: ExitStack) -> None:
     wait_for(lambda: ends.counts("to_ros")["waiting"] == 0)
     counts = ends.counts("to_ros")
     assert counts["datagrams"] == 500
-    assert counts["datagrams"] + counts["duplicated"] == sum(counts[fate] for fate in OUTCOMES)
+    assert counts["datagrams"] + counts["duplicated"] == sum(
+        counts[outcome] for outcome in OUTCOMES
+    )
     assert min(counts[name] for name in ("lost", "duplicated", "corrupted", "delayed")) > 0
     wait_for(lambda: ends.ros.counters()["received_datagrams"] == counts["delivered"])
     assert ends.ros.counters()["refused"] == {}

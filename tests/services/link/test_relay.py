@@ -113,7 +113,7 @@ def test_loss_is_what_the_receiver_misses(stack: ExitStack) -> None:
     wait_for(lambda: ros.counters()["received_datagrams"] == counts["delivered"])
     assert len(received) == 2000 - counts["lost"]
     assert 300 < counts["lost"] < 500
-    assert 2000 + counts["duplicated"] == sum(counts[fate] for fate in OUTCOMES)
+    assert 2000 + counts["duplicated"] == sum(counts[outcome] for outcome in OUTCOMES)
 
 
 class Told:

@@ -31,7 +31,7 @@ def lab() -> Scenario:
 def test_what_exists_stays_and_the_next_goes_beside_it(
     lab: Scenario, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    files = McapFiles(tmp_path / "run.mcap", lab, RUN, lambda question: b"")
+    files = McapFiles(tmp_path / "run.mcap", lab, RUN, lambda query: b"")
     for epoch, name in enumerate(("run.mcap", "run_2.mcap", "run_3.mcap")):
         file = files.begin(epoch)
         file.commit({})
@@ -50,7 +50,7 @@ class Physics:
 
     def __init__(self, scenario: Scenario, episode: int) -> None:
         self.scenario, self.episode, self.tick = scenario, episode, 0
-        self.questions: list[str] = []
+        self.queries: list[str] = []
 
     def journal(self, left_out: int = 0) -> Journal:
         entries = [
@@ -70,9 +70,9 @@ class Physics:
             acks={"rover/imu": Ack(self.episode, self.tick, self.tick)},
         )
 
-    def ask(self, question: str) -> bytes:
-        self.questions.append(question)
-        episode, _, left_out = question.partition("/")
+    def ask(self, query: str) -> bytes:
+        self.queries.append(query)
+        episode, _, left_out = query.partition("/")
         return dumped(self.journal(int(left_out))) if int(episode) == self.episode else b""
 
 
@@ -101,8 +101,8 @@ def test_the_journal_is_added_part_after_part(lab: Scenario, tmp_path: Path) -> 
     with Recording(files.path) as recording:
         journal = recording.journal
     assert journal == replace(physics.journal(), acks={}, episode=0)
-    assert len(physics.questions) == pytest.approx(5000 / ticks + 1, abs=1)
-    assert physics.questions[-1] == f"77/{len(journal.entries) - (5000 - 4900) // 10}"
+    assert len(physics.queries) == pytest.approx(5000 / ticks + 1, abs=1)
+    assert physics.queries[-1] == f"77/{len(journal.entries) - (5000 - 4900) // 10}"
 
 
 def test_where_all_have_come_to_the_end_the_file_says_so(lab: Scenario, tmp_path: Path) -> None:
@@ -126,7 +126,7 @@ def test_where_all_have_come_to_the_end_the_file_says_so(lab: Scenario, tmp_path
 
 def test_the_journal_of_another_episode_is_ignored(lab: Scenario, tmp_path: Path) -> None:
     physics = Physics(lab, episode=77)
-    files = McapFiles(tmp_path / "run.mcap", lab, RUN, lambda question: dumped(physics.journal()))
+    files = McapFiles(tmp_path / "run.mcap", lab, RUN, lambda query: dumped(physics.journal()))
     recorder = Recorder(lab, RUN, files.begin)
     recorder.take(CLOCK, Clock(5, 5, 0, 78))
     files.tend(recorder)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The C# file against the vectors, and against the Python library on datagrams of all kinds.
 
-One process answers all questions: a runtime that starts for each of them would take minutes.
+One process answers all queries: a runtime that starts for each of them would take minutes.
 """
 
 from __future__ import annotations

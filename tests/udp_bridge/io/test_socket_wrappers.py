@@ -114,10 +114,10 @@ def test_a_link_without_key_says_what_came(stack: ExitStack) -> None:
 
 def test_a_restarted_sender_is_understood(stack: ExitStack) -> None:
     ros, received = end(stack, SealedSocket(Tap(), SECRET, sends=FROM_ROS))
-    for life in range(3):
+    for restart in range(3):
         gateway, _ = end(stack, SealedSocket(Tap(), SECRET, sends=TO_ROS), peer=ros.address)
         gateway.send(9, "/cmd_vel", "", 1, b"twist")
-        wait_for(lambda life=life: len(received) == life + 1)
+        wait_for(lambda restart=restart: len(received) == restart + 1)
         gateway.close()
     assert ros.counters()["refused"] == {}
 

@@ -25,7 +25,7 @@ from udp_bridge.wire.lockstep import (
 from udp_bridge.wire.types import CONTROL, type_number
 
 GATEWAY = ("127.0.0.1", 7510)
-LIFE = 77
+EPISODE = 77
 ODOM, CLOCK, TWIST = map(type_number, ("Odometry", "Clock", "Twist"))
 ANSWERS = (ExpectedResponse("/cmd_vel", "/odom", TWIST),)
 
@@ -103,7 +103,7 @@ class Rig:
                 message = Message(kind, topic, "", tick, first, b"\0\1\0\0")
                 self.half.holds(message, GATEWAY)
         sent = tuple(SentMessages(kind, topic, first, 1) for kind, topic in rows)
-        self._barrier = Barrier(LIFE, tick, 4000, sent, ANSWERS)
+        self._barrier = Barrier(EPISODE, tick, 4000, sent, ANSWERS)
         self.half.take(self._barrier, GATEWAY, self.ros)
 
     def turn(self, seconds: float = 0.0) -> None:
@@ -144,7 +144,7 @@ def test_a_node_from_the_start_replies_when_all_responses_are_there(rig: Rig) ->
     assert rig.ros.replies[-1].state == WAITING
     rig.half.received("/cmd_vel")
     rig.turn()
-    assert rig.ros.replies[-1] == BarrierReply(LIFE, 0, DONE)
+    assert rig.ros.replies[-1] == BarrierReply(EPISODE, 0, DONE)
     assert rig.ros.warnings == ["lockstep: tick 0 waits for a message on /cmd_vel"]
 
 
@@ -167,7 +167,7 @@ def test_what_comes_again_is_published_when_it_can_be_heard_and_has_to_be_answer
     assert rig.ros.replies[-1].state == WAITING
     rig.half.received("/cmd_vel")
     rig.turn()
-    assert rig.ros.replies[-1] == BarrierReply(LIFE, 8, DONE)
+    assert rig.ros.replies[-1] == BarrierReply(EPISODE, 8, DONE)
 
 
 def test_a_response_that_an_earlier_node_may_have_got_is_given_up(rig: Rig) -> None:
@@ -177,7 +177,7 @@ def test_a_response_that_an_earlier_node_may_have_got_is_given_up(rig: Rig) -> N
     assert rig.ros.replies[-1].state == WAITING
     rig.turn(GIVE_UP_S / 2)
     rig.turn(1.0)
-    assert rig.ros.replies[-1] == BarrierReply(LIFE, 8, DONE)
+    assert rig.ros.replies[-1] == BarrierReply(EPISODE, 8, DONE)
     assert any("tick 8 continues without a message on /cmd_vel" in one for one in rig.ros.warnings)
 
 

@@ -117,8 +117,8 @@ def test_lossy_links_deliver_coded_messages_as_they_were_sent() -> None:
     counters = sim.inbox.reassembler.counters
     assert (counters.incomplete, counters.refused) == (0, {})
     assert 0.9 * count < counters.repaired < count  # 1 - 0.95**64 is 0.96
-    fates = sim.inbox.reassembler.reports(("192.0.2.1", 1), 0)[0][2]
-    assert fates.repaired == counters.repaired
+    reported = sim.inbox.reassembler.reports(("192.0.2.1", 1), 0)[0][2]
+    assert reported.repaired == counters.repaired
 
 
 def test_the_layout_of_a_coded_message() -> None:

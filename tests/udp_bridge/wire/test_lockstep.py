@@ -63,11 +63,11 @@ NAMES = st.text(
 SENT = st.builds(
     SentMessages, st.sampled_from(DATA), NAMES, st.integers(0, 2**32 - 1), st.integers(1, 65535)
 )
-LIVES, TICKS = st.integers(0, 2**64 - 1), st.integers(-1, 2**63 - 1)
+EPISODES, TICKS = st.integers(0, 2**64 - 1), st.integers(-1, 2**63 - 1)
 ANSWERS = st.builds(ExpectedResponse, NAMES, NAMES, st.sampled_from([0, *DATA]))
 BARRIERS = st.builds(
     Barrier,
-    LIVES,
+    EPISODES,
     TICKS,
     st.integers(0, 2**32 - 1),
     st.lists(SENT, max_size=5, unique_by=lambda sent: sent[:2]).map(tuple),
@@ -75,7 +75,7 @@ BARRIERS = st.builds(
 )
 WORDS = st.builds(
     BarrierReply,
-    LIVES,
+    EPISODES,
     TICKS,
     st.sampled_from([DONE, WAITING, INCOMPLETE, RESTARTED]),
     st.integers(0, 2**32 - 1),

@@ -114,8 +114,8 @@ def test_the_window_is_as_wide_as_it_says_and_no_wider(receiver: Seal) -> None:
 
 def test_what_an_end_sealed_does_not_open_for_itself(receiver: Seal) -> None:
     assert opened(receiver, sealed(receiver)) == "reflected"
-    former_life = Seal(SECRET, sends=FROM_ROS, sender=9)
-    assert opened(receiver, sealed(former_life)) == "reflected"
+    before_restart = Seal(SECRET, sends=FROM_ROS, sender=9)
+    assert opened(receiver, sealed(before_restart)) == "reflected"
 
 
 def test_both_ends_may_restart(receiver: Seal) -> None:
@@ -132,7 +132,7 @@ def test_both_ends_may_restart(receiver: Seal) -> None:
     assert opened(again, sealed(second, now=later), later) == PLAIN
 
 
-def test_a_clock_that_is_set_back_in_a_life_does_no_harm(receiver: Seal) -> None:
+def test_a_clock_that_is_set_back_while_the_process_runs_does_no_harm(receiver: Seal) -> None:
     seal = sender()
     for now in (NOW, NOW - 3600 * NANOS, NOW - 3600 * NANOS, NOW + 1):
         assert opened(receiver, sealed(seal, now=now)) == PLAIN

@@ -119,7 +119,7 @@ class Renderer:
         self._shadows.forget()
 
     def place(self, world_from_link: Floats) -> None:
-        """Set the pose of every link of the surroundings, shape (links, 7)."""
+        """Set the pose of every link of the world, shape (links, 7)."""
         with self._context:
             self._stage.place(world_from_link)
 

@@ -134,18 +134,18 @@ def test_a_step_after_a_barrier_waits_for_the_word_on_that_barrier() -> None:
 
 
 def test_a_word_counts_when_the_commands_that_it_speaks_of_are_here() -> None:
-    promises = PendingAcks()
+    pending = PendingAcks()
     first = Ack(EPISODE, -8, -1)
-    promises.add("rover/driver", first)
-    assert list(promises.take_complete()) == [("rover/driver", first)]
+    pending.add("rover/driver", first)
+    assert list(pending.take_complete()) == [("rover/driver", first)]
     word = Ack(EPISODE, 8, 8, commanded={"rover": 16, "second": 12})
-    promises.add("gateway", word)
-    promises.add("rover/imu", Ack(EPISODE, 50, 40))
-    assert [name for name, _ in promises.take_complete()] == ["rover/imu"]
-    promises.commanded("rover", 16)
-    promises.commanded("second", 8)
-    assert list(promises.take_complete()) == []
-    promises.commanded("second", 12)
-    promises.commanded("second", 11)
-    assert list(promises.take_complete()) == [("gateway", word)]
-    assert list(promises.take_complete()) == []
+    pending.add("gateway", word)
+    pending.add("rover/imu", Ack(EPISODE, 50, 40))
+    assert [name for name, _ in pending.take_complete()] == ["rover/imu"]
+    pending.commanded("rover", 16)
+    pending.commanded("second", 8)
+    assert list(pending.take_complete()) == []
+    pending.commanded("second", 12)
+    pending.commanded("second", 11)
+    assert list(pending.take_complete()) == [("gateway", word)]
+    assert list(pending.take_complete()) == []

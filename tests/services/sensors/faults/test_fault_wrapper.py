@@ -168,7 +168,7 @@ def test_each_reading_that_is_due_comes_or_is_told_under_its_fault(kind: str, na
 REMOVING = {"off", "drop", "rate_change"}
 
 
-def test_a_live_fault_outlives_its_process_and_no_new_life_of_physics() -> None:
+def test_a_live_fault_outlives_its_process_but_not_the_episode() -> None:
     faults = (Bias(value=1.0),)
     before = model(encoders, faults)
     before.faults = (*before.faults, Stuck(at_s=1.0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is told of faults, and what wishes do: without a bus, with a stand-in sensor."""
+"""Reports of faults and the effect of requests, without a bus, with a stand-in sensor."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Bench:
         for state in states(range(*ticks)):
             self.live.take(state)
 
-    def ask(self, wish: str | Fault) -> FaultAnswer:
-        text = wish if isinstance(wish, str) else msgspec.json.encode(wish).decode()
+    def ask(self, request: str | Fault) -> FaultAnswer:
+        text = request if isinstance(request, str) else msgspec.json.encode(request).decode()
         [reply] = self.live.answer(text)
         return msgspec.json.decode(reply, type=FaultAnswer)
 
@@ -100,7 +100,7 @@ def test_to_ask_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wish", "why"),
+    ("request", "why"),
     [
         ("nonsense", "malformed"),
         ('{"kind":"broken"}', "Invalid value 'broken'"),
@@ -110,10 +110,10 @@ def test_to_ask_changes_nothing() -> None:
         ('{"kind":"occluded_sector","from_deg":0,"to_deg":9}', "does not look around"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(wish: str | Fault, why: str) -> None:
+def test_what_cannot_be_is_refused_in_one_line(request: str | Fault, why: str) -> None:
     bench = Bench()
     bench.take(10)
-    answer = bench.ask(wish)
+    answer = bench.ask(request)
     assert why in answer.error
     assert "\n" not in answer.error
     assert bench.model.faults == ()
@@ -148,7 +148,7 @@ def test_who_joins_a_run_under_way_tells_what_there_is() -> None:
     assert bench.events() == [(500, [])]
 
 
-def test_a_new_life_of_physics_begins_without_live_faults() -> None:
+def test_a_new_episode_begins_without_live_faults() -> None:
     bench = Bench(Bias(value=1.0, at_s=0.05))
     bench.take(50)
     bench.ask(Stuck())

@@ -150,7 +150,7 @@ def test_repeated_states_are_passed_over(bench: Bench) -> None:
     assert bench.sensor.missed_ticks == 0
 
 
-def test_a_new_life_of_physics_begins_anew_without_a_gap(bench: Bench) -> None:
+def test_a_new_episode_begins_without_missing_readings(bench: Bench) -> None:
     bench.take(range(100), epoch=1)
     bench.take(range(100), epoch=2)
     assert bench.stamps() == [0, 40, 0, 40]
@@ -230,7 +230,7 @@ def test_what_may_have_gone_by_a_dead_link_is_told_again_by_the_next_one(bench: 
     assert bench.gaps() == [lost, lost, later], "it has come by now, or never will"
 
 
-def test_a_new_life_hears_nothing_of_the_one_before(bench: Bench) -> None:
+def test_a_new_episode_receives_nothing_of_the_one_before(bench: Bench) -> None:
     bench.take([*range(100), *range(110, 200)])
     bench.reconnects += 1
     bench.take(range(200), epoch=9)
@@ -277,7 +277,7 @@ def test_a_successor_is_told_what_its_predecessor_remembered() -> None:
     assert bench.acks[:1] == before.acks[-1:]  # And tells it on, should it end at once.
 
 
-def test_a_gap_is_remembered_over_but_no_new_life_of_physics() -> None:
+def test_memory_survives_a_gap_but_not_a_new_episode() -> None:
     model = Counts()
     bench = Bench(model)
     bench.take([*range(100), *range(110, 120)], epoch=1)

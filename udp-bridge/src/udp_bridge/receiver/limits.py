@@ -21,7 +21,7 @@ from .ordering import MAX_BEHIND, MessageKey, TopicOrder
 
 
 class Limits(NamedTuple):
-    """Limits of a receiver; each one guards against faulty or hostile senders."""
+    """Limits of a receiver; each one guards against defective or hostile senders."""
 
     memory_bytes: int = 64 << 20
     """Memory of all open messages. A quarter of it, one sender's share, holds the largest possible

@@ -86,7 +86,7 @@ class _TopicCounter:
         self.oldest_stamp_nanos = stamp_nanos
         self.report: Optional[TopicReport] = None
         self.reported_nanos = 0  # the receiver's wall clock at the newest report
-        self.before = dict.fromkeys(_SUMMED, 0)  # from earlier lives of the receiver
+        self.before = dict.fromkeys(_SUMMED, 0)  # from before restarts of the receiver
         self.end = 0  # lower numbers were reported
         self.settled = 0  # lower numbers were sent long ago
         self.marks: Deque[Tuple[int, int]] = deque()  # time, and messages sent until then
