@@ -23,7 +23,7 @@ from services.sensors.rendering.cameras.eye import Eye
 from services.sensors.rendering.cameras.messages import jpeg
 from services.sensors.rendering.gl.target import ALL_LAYERS
 from services.sensors.runtime.model import LeftOut, stream_and_message
-from services.view.drawing import Seen
+from services.view.drawing import Track
 from tests.services.sensors.states import EPOCH_NANOS
 from tests.services.sensors.yards import box, moving, resting, yard
 
@@ -218,7 +218,7 @@ def test_tf_leads_to_the_optical_frame() -> None:
     (to_camera,) = transforms.transforms
     assert (to_camera.parent, to_camera.child) == ("one/base_link", "one/camera_optical_frame")
     base_from_optical = transform(to_camera.translation_m, to_camera.rotation)
-    assert Seen(rover).base_from(to_camera.child) == pytest.approx(base_from_optical)
+    assert Track(rover).base_from(to_camera.child) == pytest.approx(base_from_optical)
     eye = Eye(made, made.vehicles[0], spec(mount=tilted), layers=ALL_LAYERS)
     eye.take(resting(1)[0])
     labels = eye.look(0).labels
