@@ -42,18 +42,20 @@ class PeerReports:
         self.link: LinkReport | None = None
 
     def streams(
-        self, accounts: Iterable[DeliveryCounts], arrivals: Iterable[tuple[str, TopicReport]] = ()
+        self,
+        deliveries: Iterable[DeliveryCounts],
+        arrivals: Iterable[tuple[str, TopicReport]] = (),
     ) -> list[StreamReport]:
         """Return a row for every declared topic, in that order, then for the others.
 
         Parameters
         ----------
-        accounts
+        deliveries
             of what was sent to the peer.
         arrivals
             topic and report of what came from it.
         """
-        sent = {(row.msg_type, row.topic): row for row in accounts}
+        sent = {(row.msg_type, row.topic): row for row in deliveries}
         # A receiver that reports one topic reports all topics of which messages arrived.
         reported = self.link is not None or any(row.report is not None for row in sent.values())
         of_ros = (key for key in sorted(sent) if MSG_TYPES[key[0]].ros_type)
@@ -68,45 +70,45 @@ class PeerReports:
         ]
 
     def _sent(
-        self, key: tuple[int, str], account: DeliveryCounts | None, *, reported: bool
+        self, key: tuple[int, str], counts: DeliveryCounts | None, *, reported: bool
     ) -> StreamReport:
         msg_type, topic = key
         declared = self._declared_hz.get(key)
-        if account is None:
+        if counts is None:
             name = MSG_TYPES[msg_type].name
             return StreamReport(topic, name, declared, None, None, 0, 0, reported=reported)
         # A topic without a rate repeats old measurements, so its stamps give no age.
         has_ages = self._stamps_follow_wall and declared is not None
-        row = _row(account, TO_ROS, declared, has_ages=has_ages)
+        row = _row(counts, TO_ROS, declared, has_ages=has_ages)
         if reported:
             return row
         return replace(row, lost=0, missing=0, in_flight=row.sent, reported=False)
 
 
 def _row(
-    account: DeliveryCounts, direction: str, declared_hz: float | None = None, *, has_ages: bool
+    counts: DeliveryCounts, direction: str, declared_hz: float | None = None, *, has_ages: bool
 ) -> StreamReport:
-    report = account.report
+    report = counts.report
     aged = report if has_ages else None
     return StreamReport(
-        account.topic,
-        MSG_TYPES[account.msg_type].name,
+        counts.topic,
+        MSG_TYPES[counts.msg_type].name,
         declared_hz,
         _rate_hz(report),
         _seconds(aged.age_p50_nanos) if aged else None,
-        account.delivered,
-        account.missing + account.incomplete + account.late,
+        counts.delivered,
+        counts.missing + counts.incomplete + counts.late,
         direction,
         age_p99_seconds=_seconds(aged.age_p99_nanos) if aged else None,
-        sent=account.sent,
-        missing=account.missing,
-        incomplete=account.incomplete,
-        late=account.late,
-        dropped=account.dropped,
-        in_flight=account.in_flight,
-        repaired=account.repaired,
-        superseded=account.superseded,
-        delivered_bytes=account.delivered_bytes,
+        sent=counts.sent,
+        missing=counts.missing,
+        incomplete=counts.incomplete,
+        late=counts.late,
+        dropped=counts.dropped,
+        in_flight=counts.in_flight,
+        repaired=counts.repaired,
+        superseded=counts.superseded,
+        delivered_bytes=counts.delivered_bytes,
     )
 
 

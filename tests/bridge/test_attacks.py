@@ -19,9 +19,7 @@ from tests.ros.waiting import wait_until
 from tests.udp_bridge.node.test_bridge_node import Ros
 from udp_bridge import Header, Link
 from udp_bridge.io import address_guard
-from udp_bridge.node import lockstep
-from udp_bridge.node import publish_queue as outlet
-from udp_bridge.node import subscriptions as inlet
+from udp_bridge.node import lockstep, publish_queue, subscriptions
 from udp_bridge.node.bridge_node import BridgeNode, Settings
 from udp_bridge.wire import address_validation
 from udp_bridge.wire.control import AddressChallenge, CreditRequest, Subscribe, parse
@@ -84,18 +82,18 @@ def ros() -> Ros:
 
 @contextmanager
 def ended(ros: Ros, **settings: str) -> Iterator[BridgeNode]:
-    end = BridgeNode(
+    node = BridgeNode(
         Settings(**({"bind": "127.0.0.1:0"} | settings)), ros, ros, ros, wake=lambda: None
     )
     try:
-        yield end
+        yield node
     finally:
-        end.close()
+        node.close()
 
 
 @contextmanager
-def attackers(end: BridgeNode, count: int = 1) -> Iterator[list[Attacker]]:
-    made = [Attacker(("127.0.0.1", end.link.address[1])) for _ in range(count)]
+def attackers(node: BridgeNode, count: int = 1) -> Iterator[list[Attacker]]:
+    made = [Attacker(("127.0.0.1", node.link.address[1])) for _ in range(count)]
     try:
         yield made
     finally:
@@ -111,22 +109,22 @@ def other_hosts(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_an_unknown_sender_draws_nothing_if_a_peer_is_named(ros: Ros) -> None:
-    with Link(ANYWHERE) as peer, ended(ros, peer=f"127.0.0.1:{peer.address[1]}") as end:
-        with attackers(end) as (one,):
+    with Link(ANYWHERE) as peer, ended(ros, peer=f"127.0.0.1:{peer.address[1]}") as node:
+        with attackers(node) as (one,):
             one.send(datagram(TEXT, "/text", BODY))
             one.send(datagram(CONTROL, "", CreditRequest().pack()))
             one.send(datagram(SUBSCRIBE, "/cmd_vel", Subscribe(TWIST).pack()))
             one.listen(LISTEN_S)
             assert one.drawn == []
         assert ros.bodies == []
-        assert end.link.counters()["refused"] == {"stranger": 3}
+        assert node.link.counters()["refused"] == {"stranger": 3}
 
 
 @pytest.mark.parametrize("size", [1, 2])
 def test_an_unvalidated_address_draws_no_more_bytes_than_it_sent(
     ros: Ros, other_hosts: None, size: int
 ) -> None:
-    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as end, attackers(end) as (one,):
+    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as node, attackers(node) as (one,):
         for number in range(20):
             one.send(datagram(TEXT, "", BODY, number))
             one.send(Header(1, number, 1, 2, 1, 0, "").pack() + bytes(size))  # the last of two
@@ -147,43 +145,43 @@ def test_a_stream_starts_once_its_receiver_has_proved_its_address(
 
     wanted = datagram(SUBSCRIBE, "/cmd_vel", Subscribe(TWIST).pack())
     with (
-        ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as end,
-        attackers(end, 2) as (spoofed, live),
+        ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as node,
+        attackers(node, 2) as (spoofed, live),
     ):
         spoofed.send(wanted)
         live.send(wanted)
         for one in (spoofed, live):
             one.listen(0.5)
-        end.turn(0)
+        node.turn(0)
         assert ros.subscribed == []
         # The cookie of one address proves nothing about another one.
         (theirs,), (own,) = cookies(spoofed), cookies(live)
         live.send(datagram(CONTROL, "", address_validation.AddressResponse(theirs).pack()))
         live.send(wanted)
         live.listen(0.5)
-        end.turn(0)
+        node.turn(0)
         assert ros.subscribed == []
         live.send(datagram(CONTROL, "", address_validation.AddressResponse(own).pack()))
         live.send(wanted)
 
         def is_served() -> bool:
-            end.turn(0)
+            node.turn(0)
             return bool(ros.subscribed)
 
         wait_until(is_served, "a subscription")
-        assert end.link.counters()["refused"]["unvalidated"] == 3
+        assert node.link.counters()["refused"]["unvalidated"] == 3
 
 
 def test_a_link_that_sends_somewhere_returns_the_cookie_from_there(
     ros: Ros, other_hosts: None
 ) -> None:
-    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as end:
-        there = ("127.0.0.1", end.link.address[1])
+    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as node:
+        there = ("127.0.0.1", node.link.address[1])
         with Link(ANYWHERE, there) as gateway:
 
             def is_served() -> bool:
                 gateway.send(SUBSCRIBE, "/cmd_vel", "", 1, Subscribe(TWIST).pack())
-                end.turn(0)
+                node.turn(0)
                 return bool(ros.subscribed)
 
             wait_until(is_served, "a subscription")
@@ -192,19 +190,19 @@ def test_a_link_that_sends_somewhere_returns_the_cookie_from_there(
 def test_a_stream_ends_with_the_validation_of_its_address(
     ros: Ros, other_hosts: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as end:
-        there = ("127.0.0.1", end.link.address[1])
+    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as node:
+        there = ("127.0.0.1", node.link.address[1])
         with Link(ANYWHERE, there) as gateway:
 
             def is_served() -> bool:
                 gateway.send(SUBSCRIBE, "/cmd_vel", "", 1, Subscribe(TWIST).pack())
-                end.turn(0)
-                return bool(end._subscriptions.topics)
+                node.turn(0)
+                return bool(node._subscriptions.topics)
 
             wait_until(is_served, "a subscription")
         monkeypatch.setattr(address_validation, "VALIDATION_NANOS", 0)
-        end.turn(0)
-        assert end._subscriptions.topics == []
+        node.turn(0)
+        assert node._subscriptions.topics == []
 
 
 def test_a_socket_that_others_can_reach_needs_to_know_who_may_send(ros: Ros) -> None:
@@ -221,25 +219,25 @@ def until_published(ros: Ros, topic: str, again: Callable[[], object]) -> None:
 
 
 def test_bogus_topics_give_their_places_back(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(outlet, "IDLE_S", 0.3)
-    with ended(ros) as end, attackers(end, 2) as (hostile, live):
-        for number in range(outlet.MAX_TOPICS):
+    monkeypatch.setattr(publish_queue, "IDLE_S", 0.3)
+    with ended(ros) as node, attackers(node, 2) as (hostile, live):
+        for number in range(publish_queue.MAX_TOPICS):
             hostile.send(datagram(TWIST, f"/bogus/{number}", BODY))
-        wait_until(lambda: len(ros.published) == outlet.MAX_TOPICS, "all places are taken")
+        wait_until(lambda: len(ros.published) == publish_queue.MAX_TOPICS, "no place is free")
         until_published(ros, "/real", lambda: live.send(datagram(TWIST, "/real", BODY)))
-        assert len(ros.published) <= outlet.MAX_TOPICS
-        assert end.link.counters()["refused"] == {}
+        assert len(ros.published) <= publish_queue.MAX_TOPICS
+        assert node.link.counters()["refused"] == {}
 
 
 def test_a_known_sender_is_never_locked_out_by_forged_addresses(
     ros: Ros, other_hosts: None
 ) -> None:
-    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as end:
-        there = ("127.0.0.1", end.link.address[1])
-        with Link(ANYWHERE, there) as gateway, attackers(end) as (hostile,):
-            for number in range(outlet.MAX_TOPICS):
+    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as node:
+        there = ("127.0.0.1", node.link.address[1])
+        with Link(ANYWHERE, there) as gateway, attackers(node) as (hostile,):
+            for number in range(publish_queue.MAX_TOPICS):
                 hostile.send(datagram(TWIST, f"/bogus/{number}", BODY))
-            wait_until(lambda: len(ros.published) == outlet.MAX_TOPICS, "all places are taken")
+            wait_until(lambda: len(ros.published) == publish_queue.MAX_TOPICS, "no place is free")
 
             def again() -> None:
                 gateway.send(SUBSCRIBE, "/cmd_vel", "", 1, Subscribe(TWIST).pack())
@@ -249,30 +247,30 @@ def test_a_known_sender_is_never_locked_out_by_forged_addresses(
             for number in range(100):
                 hostile.send(datagram(TWIST, f"/more/{number}", BODY))
             hostile.send(datagram(TWIST, "/bogus/255", BODY, 1))
-            wait_until(lambda: end._queue.refused >= 100, "strangers are refused")
+            wait_until(lambda: node._queue.refused >= 100, "strangers are refused")
             assert "/real" in ros.published
 
 
 def test_bogus_subscriptions_give_their_places_back(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(inlet, "IDLE_S", 0.3)
+    monkeypatch.setattr(subscriptions, "IDLE_S", 0.3)
     wanted = Subscribe(TWIST).pack()  # until unsubscribed
-    with ended(ros) as end, attackers(end, 2) as (hostile, live):
-        for number in range(inlet.MAX_SUBSCRIPTIONS):
+    with ended(ros) as node, attackers(node, 2) as (hostile, live):
+        for number in range(subscriptions.MAX_SUBSCRIPTIONS):
             hostile.send(datagram(SUBSCRIBE, f"/bogus/{number}", wanted))
         wait_until(
-            lambda: (end.turn(time.monotonic_ns()), len(end._subscriptions.topics))[1] == 64,
+            lambda: (node.turn(time.monotonic_ns()), len(node._subscriptions.topics))[1] == 64,
             "all taken",
         )
 
         def is_served() -> bool:
             live.send(datagram(SUBSCRIBE, "/cmd_vel", wanted))
-            end.turn(time.monotonic_ns())
-            return (TWIST, "/cmd_vel") in end._subscriptions.topics
+            node.turn(time.monotonic_ns())
+            return (TWIST, "/cmd_vel") in node._subscriptions.topics
 
         wait_until(is_served, "a subscription")
-        assert len(end._subscriptions.topics) == inlet.MAX_SUBSCRIPTIONS
+        assert len(node._subscriptions.topics) == subscriptions.MAX_SUBSCRIPTIONS
 
 
 def test_barriers_of_unknown_senders_do_not_lock_a_gateway_out(
@@ -281,7 +279,7 @@ def test_barriers_of_unknown_senders_do_not_lock_a_gateway_out(
     monkeypatch.setattr(lockstep, "SILENT_S", 0.3)
     caplog.set_level(logging.INFO)
     barrier = datagram(CONTROL, "", Barrier(1, -1, 100).pack())
-    with ended(ros) as end, attackers(end, 5) as (*hostile, live):
+    with ended(ros) as node, attackers(node, 5) as (*hostile, live):
         for one in hostile:
             one.send(barrier)
 
@@ -295,7 +293,7 @@ def test_barriers_of_unknown_senders_do_not_lock_a_gateway_out(
 
 def test_a_barrier_of_three_kilobytes_freezes_nothing(ros: Ros) -> None:
     sent = tuple(SentMessages(TWIST, f"/{number}", 0, 0xFFFF) for number in range(255))
-    with ended(ros) as end, attackers(end) as (one,):
+    with ended(ros) as node, attackers(node) as (one,):
         for tick in range(100):
             one.send(datagram(CONTROL, "", Barrier(1, tick, 100, sent).pack()))
         one.send(datagram(CONTROL, "", CreditRequest().pack()))
@@ -307,12 +305,12 @@ def test_a_barrier_of_three_kilobytes_freezes_nothing(ros: Ros) -> None:
 
 def test_names_forge_no_line_of_the_log(ros: Ros, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
-    with ended(ros) as end, attackers(end) as (one,):
+    with ended(ros) as node, attackers(node) as (one,):
         one.send(datagram(TWIST, "/a\n[ERROR] all is lost\x1b[2K", BODY))
         one.send(Header(TWIST, 0, 0, 1, 1, 0, "/b", "frame\n[ERROR] all is lost").pack() + BODY)
         one.send(datagram(SUBSCRIBE, "/c\r\n[ERROR] all is lost", Subscribe(TWIST).pack()))
         wait_until(
-            lambda: (end.turn(0), len(ros.published), len(ros.subscribed))[1:] == (2, 1), "all"
+            lambda: (node.turn(0), len(ros.published), len(ros.subscribed))[1:] == (2, 1), "all"
         )
     assert len([line for line in caplog.messages if "all is lost" in line]) >= 3
     assert all(line.isprintable() for line in caplog.messages)

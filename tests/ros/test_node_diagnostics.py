@@ -86,8 +86,8 @@ def test_the_values_of_a_topic_add_up() -> None:
 
 
 def test_a_topic_that_leaves() -> None:
-    account = DeliveryCounts(9, "/cmd_vel", 10, 480, 2, 5, 1, 1, 1, 1, 1, 0, 240, None)
-    verdict = NodeDiagnostics().leaving(account, "a:1", 0)
+    sent = DeliveryCounts(9, "/cmd_vel", 10, 480, 2, 5, 1, 1, 1, 1, 1, 0, 240, None)
+    verdict = NodeDiagnostics().outgoing(sent, "a:1", 0)
     parts = ("delivered", "missing", "incomplete", "late", "dropped", "in flight")
     assert int(verdict.values["sent"]) == sum(int(verdict.values[part]) for part in parts)
     assert (verdict.level, verdict.values["age p99 (ms)"]) == (WARN, "")
@@ -122,7 +122,7 @@ def report_of(kind: int) -> TopicReport:
     return TopicReport(**dict.fromkeys(TopicReport._fields, 0) | {"msg_type": kind})
 
 
-def leaving(*reported: str) -> dict[str, tuple[int, str, str, str]]:
+def outgoing(*reported: str) -> dict[str, tuple[int, str, str, str]]:
     judged = NodeDiagnostics().all_of(SilentPeer(*reported), 0)  # type: ignore[arg-type]
     return {
         row.name: (row.level, row.message, row.values["missing"], row.values["in flight"])
@@ -133,9 +133,9 @@ def leaving(*reported: str) -> dict[str, tuple[int, str, str, str]]:
 
 def test_what_a_peer_never_reports_is_not_lost() -> None:
     unknown = OK, "not reported", "0", "10"
-    assert leaving() == {"/cmd_vel": unknown, "/pose": unknown}
+    assert outgoing() == {"/cmd_vel": unknown, "/pose": unknown}
     lost = WARN, "9 lost; in all 9 missing", "9", "1"
-    assert leaving("/pose") == {"/cmd_vel": lost, "/pose": lost}
+    assert outgoing("/pose") == {"/cmd_vel": lost, "/pose": lost}
 
 
 def test_the_link_warns_of_drops_and_refusals_and_tells_the_reasons() -> None:

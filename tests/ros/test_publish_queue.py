@@ -45,9 +45,9 @@ def body(number: int, size: int = 1) -> bytes:
     return b"\x00\x01\x00\x00" + bytes([number]) * size
 
 
-def put(outlet: PublishQueue, msg_type: int, topic: str, number: int, size: int = 1) -> None:
+def put(queue: PublishQueue, msg_type: int, topic: str, number: int, size: int = 1) -> None:
     message = Message(msg_type, topic, "", 0, 0, body(number, size))
-    outlet.put(message, SENDER)
+    queue.put(message, SENDER)
 
 
 @pytest.mark.parametrize(
@@ -62,29 +62,29 @@ def put(outlet: PublishQueue, msg_type: int, topic: str, number: int, size: int 
 )
 def test_while_publishing_stalls(msg_type: int, size: int, published: list[int]) -> None:
     node = Node()
-    outlet = PublishQueue(Ros2Publishers(node))  # type: ignore[arg-type]
-    put(outlet, msg_type, "/topic", 0, size)
+    queue = PublishQueue(Ros2Publishers(node))  # type: ignore[arg-type]
+    put(queue, msg_type, "/topic", 0, size)
     assert node.is_publishing.wait(10.0)
     for number in range(1, 10):
-        put(outlet, msg_type, "/topic", number, size)
+        put(queue, msg_type, "/topic", number, size)
     node.may_publish.set()
     wait_until(lambda: len(node.bodies) == len(published), "the messages that waited")
-    outlet.close()
+    queue.close()
     assert node.bodies == [body(number, size) for number in published]
-    assert outlet.published == len(published)
-    assert outlet.dropped == 10 - len(published)
+    assert queue.published == len(published)
+    assert queue.dropped == 10 - len(published)
 
 
 def test_topics_are_bounded() -> None:
     node = Node()
     node.may_publish.set()
-    outlet = PublishQueue(Ros2Publishers(node))  # type: ignore[arg-type]
+    queue = PublishQueue(Ros2Publishers(node))  # type: ignore[arg-type]
     for number in range(MAX_TOPICS + 5):
-        put(outlet, 2, f"/topic{number}", 0)
-    wait_until(lambda: outlet.published == MAX_TOPICS, "all that has a topic")
-    outlet.close()
-    assert outlet.refused == 5
-    assert outlet.topic_count == MAX_TOPICS
+        put(queue, 2, f"/topic{number}", 0)
+    wait_until(lambda: queue.published == MAX_TOPICS, "all that has a topic")
+    queue.close()
+    assert queue.refused == 5
+    assert queue.topic_count == MAX_TOPICS
 
 
 class QuickNode(Node):
@@ -114,14 +114,14 @@ def node(monkeypatch: pytest.MonkeyPatch) -> QuickNode:
 
 
 def test_messages_of_a_quick_topic_are_published_where_they_come(node: QuickNode) -> None:
-    outlet = PublishQueue(Ros2Publishers(node))  # type: ignore[arg-type]
+    queue = PublishQueue(Ros2Publishers(node))  # type: ignore[arg-type]
     here = threading.current_thread().name
 
     def publish(number: int, size: int = 1, msg_type: int = 2, topic: str = "/topic") -> str:
-        put(outlet, msg_type, topic, number, size)
+        put(queue, msg_type, topic, number, size)
         wait_until(lambda: len(node.bodies) == number + 1, "the message")
-        wait_until(lambda: outlet.published == number + 1, "it is counted")
-        wait_until(lambda: not any(c.is_publishing for c in outlet._channels.values()), "rest")
+        wait_until(lambda: queue.published == number + 1, "it is counted")
+        wait_until(lambda: not any(c.is_publishing for c in queue._channels.values()), "rest")
         return node.threads[-1]
 
     assert publish(0) == "publish"  # which creates the publisher
@@ -135,55 +135,55 @@ def test_messages_of_a_quick_topic_are_published_where_they_come(node: QuickNode
     assert publish(6) == here
     assert publish(7, msg_type=35, topic="/tf_static") == "publish"
     assert publish(8, msg_type=35, topic="/tf_static") == "publish"  # it is latched
-    outlet.close()
+    queue.close()
     assert [b[4] for b in node.bodies] == list(range(9))
 
 
 def test_nothing_overtakes_what_waits_or_is_being_published(node: QuickNode) -> None:
-    outlet = PublishQueue(Ros2Publishers(node))  # type: ignore[arg-type]
-    put(outlet, 2, "/topic", 0)
-    wait_until(lambda: outlet.published == 1, "the first, which creates the publisher")
-    wait_until(lambda: not any(c.is_publishing for c in outlet._channels.values()), "rest")
-    (channel,) = outlet._channels.values()
+    queue = PublishQueue(Ros2Publishers(node))  # type: ignore[arg-type]
+    put(queue, 2, "/topic", 0)
+    wait_until(lambda: queue.published == 1, "the first, which creates the publisher")
+    wait_until(lambda: not any(c.is_publishing for c in queue._channels.values()), "rest")
+    (channel,) = queue._channels.values()
     channel.took_s = 2 * QUICK_SECONDS
     node.may_publish.clear()
     node.is_publishing.clear()
-    put(outlet, 2, "/topic", 1)
+    put(queue, 2, "/topic", 1)
     assert node.is_publishing.wait(10.0)
-    put(outlet, 2, "/topic", 2)  # while one is being published
-    put(outlet, 2, "/topic", 3)  # while one waits
+    put(queue, 2, "/topic", 2)  # while one is being published
+    put(queue, 2, "/topic", 3)  # while one waits
     node.may_publish.set()
     wait_until(lambda: len(node.bodies) == 4, "all of them")
-    outlet.close()
+    queue.close()
     assert [b[4] for b in node.bodies] == [0, 1, 2, 3]
 
 
 def test_nothing_overtakes_what_is_about_to_be_taken(node: QuickNode) -> None:
-    outlet = PublishQueue(Ros2Publishers(node))  # type: ignore[arg-type]
-    put(outlet, 2, "/topic", 0)
-    wait_until(lambda: outlet.published == 1, "the first, which creates the publisher")
-    (channel,) = outlet._channels.values()
+    queue = PublishQueue(Ros2Publishers(node))  # type: ignore[arg-type]
+    put(queue, 2, "/topic", 0)
+    wait_until(lambda: queue.published == 1, "the first, which creates the publisher")
+    (channel,) = queue._channels.values()
     wait_until(lambda: not channel.is_publishing, "rest")
     channel.waiting.append((Message(2, "/topic", "", 0, 0, body(1)), SENDER))
-    put(outlet, 2, "/topic", 2)
+    put(queue, 2, "/topic", 2)
     wait_until(lambda: len(node.bodies) == 2, "the one that waited")
-    outlet.close()
+    queue.close()
     assert [b[4] for b in node.bodies] == [0, 1]
     assert [message.body[4] for message, _ in channel.waiting] == [2]
 
 
 def test_what_ros_refuses_is_counted_where_it_comes(node: QuickNode) -> None:
     outcomes: list[bool] = []
-    outlet = PublishQueue(Ros2Publishers(node), lambda *outcome: outcomes.append(outcome[2]))  # type: ignore[arg-type]
-    put(outlet, 2, "/topic", 0)
+    queue = PublishQueue(Ros2Publishers(node), lambda *outcome: outcomes.append(outcome[2]))  # type: ignore[arg-type]
+    put(queue, 2, "/topic", 0)
     wait_until(lambda: outcomes == [True], "the first, which creates the publisher")
-    wait_until(lambda: not any(c.is_publishing for c in outlet._channels.values()), "rest")
+    wait_until(lambda: not any(c.is_publishing for c in queue._channels.values()), "rest")
 
     def fail(body: bytes) -> None:
         raise RuntimeError("no")
 
     node.publish = fail  # type: ignore[method-assign]
-    put(outlet, 2, "/topic", 1)
+    put(queue, 2, "/topic", 1)
     assert outcomes == [True, False]
-    outlet.close()
-    assert (outlet.published, outlet.refused, outlet.dropped) == (1, 1, 0)
+    queue.close()
+    assert (queue.published, queue.refused, queue.dropped) == (1, 1, 0)

@@ -24,7 +24,7 @@ class LockstepState(Enum):
     COLLECTING = auto()
     """Physics waits at a tick; readings of that tick are on their way to ROS."""
 
-    ASKING = auto()
+    BARRIER_SENT = auto()
     """The barrier of that tick was sent; the ROS node has not replied."""
 
     RUNNING_WITHOUT_ROS = auto()
@@ -110,14 +110,14 @@ TRANSITIONS: dict[LockstepState, dict[LockstepEvent, tuple[LockstepState, Lockst
     },
     _S.COLLECTING: {
         _E.CLOCK: (_S.COLLECTING, _A.WAIT),
-        _E.ALL_SENT: (_S.ASKING, _A.SEND_BARRIER),
+        _E.ALL_SENT: (_S.BARRIER_SENT, _A.SEND_BARRIER),
         _E.SILENCE: (_S.COLLECTING, _A.ASK_PHYSICS),
         _E.STILL_WAITING: (_S.COLLECTING, _A.ASK_FOR_SENSORS),
     },
-    _S.ASKING: {
+    _S.BARRIER_SENT: {
         _E.CLOCK: (_S.COLLECTING, _A.WAIT),
         _E.REPLY: (_S.RUNNING, _A.ACKNOWLEDGE),
-        _E.NODE_RESTARTED: (_S.ASKING, _A.RESEND_READINGS),
+        _E.NODE_RESTARTED: (_S.BARRIER_SENT, _A.RESEND_READINGS),
         _E.OVERDUE: (_S.RUNNING_WITHOUT_ROS, _A.SKIP),
     },
     _S.RUNNING_WITHOUT_ROS: {
@@ -137,7 +137,7 @@ TRANSITIONS: dict[LockstepState, dict[LockstepEvent, tuple[LockstepState, Lockst
     },
 }
 
-AWAITING_REPLY = frozenset({_S.START, _S.CONNECTING, _S.ASKING})
+AWAITING_REPLY = frozenset({_S.START, _S.CONNECTING, _S.BARRIER_SENT})
 """States in which the run does not go on before the ROS node replies."""
 
 STEPPING = frozenset({_S.RUNNING, _S.RUNNING_WITHOUT_ROS})

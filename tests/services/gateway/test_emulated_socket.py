@@ -37,7 +37,7 @@ def wait_for(condition: Callable[[], Any]) -> None:
         time.sleep(0.002)
 
 
-class Ends:
+class Endpoints:
     """A gateway's link with emulation, and the link on the ROS side."""
 
     def __init__(self, stack: ExitStack, script: LinkScript, *, key_file: str | None = None):
@@ -89,39 +89,39 @@ def key_file(tmp_path: Path) -> str:
 
 def test_both_ways_are_delayed_and_nothing_is_lost(stack: ExitStack) -> None:
     delay = Impairment(delay_ms=20)
-    ends = Ends(stack, LinkScript(to_ros=delay, from_ros=delay))
+    endpoints = Endpoints(stack, LinkScript(to_ros=delay, from_ros=delay))
     began = time.monotonic_ns()
     body = bytes(range(256)) * 4000
-    ends.gateway.send(1, "/points", "lidar", 1, body)
-    wait_for(lambda: ends.at_ros)
+    endpoints.gateway.send(1, "/points", "lidar", 1, body)
+    wait_for(lambda: endpoints.at_ros)
     assert time.monotonic_ns() - began >= 20 * MS
-    assert ends.at_ros[0][0].body == body
+    assert endpoints.at_ros[0][0].body == body
     began = time.monotonic_ns()
-    ends.ros.send(9, "/cmd_vel", "", 1, b"twist", to=ends.gateway.address)
-    wait_for(lambda: ends.at_gateway)
+    endpoints.ros.send(9, "/cmd_vel", "", 1, b"twist", to=endpoints.gateway.address)
+    wait_for(lambda: endpoints.at_gateway)
     assert time.monotonic_ns() - began >= 20 * MS
     # 16 parts, and requests for a Credit as long as none comes.
-    assert ends.counts("to_ros")["delivered"] == ends.counts("to_ros")["datagrams"] > 16
+    assert endpoints.counts("to_ros")["delivered"] == endpoints.counts("to_ros")["datagrams"] > 16
 
 
 def test_the_script_follows_sim_time_and_queries_change_it(stack: ExitStack) -> None:
-    ends = Ends(stack, LinkScript(events=(LinkEvent(at_s=10, to_ros={"outage": True}),)))
+    endpoints = Endpoints(stack, LinkScript(events=(LinkEvent(at_s=10, to_ros={"outage": True}),)))
 
     def send() -> dict[str, int]:
-        ends.gateway.send(8, "/clock", "", 1, b"x")
-        assert ends.gateway.flush(5)
-        return ends.counts("to_ros")
+        endpoints.gateway.send(8, "/clock", "", 1, b"x")
+        assert endpoints.gateway.flush(5)
+        return endpoints.counts("to_ros")
 
-    ends.emulated.at(9_990 * MS)
+    endpoints.emulated.at(9_990 * MS)
     assert send()["outage"] == 0
-    ends.emulated.at(10_000 * MS)
+    endpoints.emulated.at(10_000 * MS)
     assert send()["outage"] == 1
-    ((reply,),) = [ends.emulated.answer("to_ros.outage=false;from_ros.loss=0.25")]
+    ((reply,),) = [endpoints.emulated.answer("to_ros.outage=false;from_ros.loss=0.25")]
     error, settings = msgspec.json.decode(reply)
     assert not error
     assert (settings["to_ros"]["outage"], settings["from_ros"]["loss"]) == (False, 0.25)
     assert send()["outage"] == 1
-    ends.emulated.at(20_000 * MS)
+    endpoints.emulated.at(20_000 * MS)
     assert send()["outage"] == 1
 
 
@@ -136,8 +136,8 @@ def test_the_script_follows_sim_time_and_queries_change_it(stack: ExitStack) -> 
     ],
 )
 def test_a_wrong_query_changes_nothing(stack: ExitStack, query: str, words: str) -> None:
-    ends = Ends(stack, LinkScript())
-    (reply,) = ends.emulated.answer(query)
+    endpoints = Endpoints(stack, LinkScript())
+    (reply,) = endpoints.emulated.answer(query)
     error, settings = msgspec.json.decode(reply)
     assert words in error
     assert settings == msgspec.to_builtins({"to_ros": Impairment(), "from_ros": Impairment()})
@@ -147,46 +147,46 @@ def test_counters_add_up_under_everything_at_once(stack: ExitStack) -> None:
     bad = Impairment(
         loss=0.1, burst=2, duplicate=0.1, reorder=0.1, delay_ms=2, jitter_ms=2, bit_errors=1e-4
     )
-    ends = Ends(stack, LinkScript(to_ros=bad, from_ros=bad, seed=3))
+    endpoints = Endpoints(stack, LinkScript(to_ros=bad, from_ros=bad, seed=3))
     for index in range(500):
-        ends.gateway.send(8, "/clock", "", index, bytes(100))
-    assert ends.gateway.flush(10)
-    wait_for(lambda: ends.counts("to_ros")["waiting"] == 0)
-    counts = ends.counts("to_ros")
+        endpoints.gateway.send(8, "/clock", "", index, bytes(100))
+    assert endpoints.gateway.flush(10)
+    wait_for(lambda: endpoints.counts("to_ros")["waiting"] == 0)
+    counts = endpoints.counts("to_ros")
     assert counts["datagrams"] == 500
     assert counts["datagrams"] + counts["duplicated"] == sum(
         counts[outcome] for outcome in OUTCOMES
     )
     assert min(counts[name] for name in ("lost", "duplicated", "corrupted", "delayed")) > 0
-    wait_for(lambda: ends.ros.counters()["received_datagrams"] == counts["delivered"])
-    assert ends.ros.counters()["refused"] == {}
+    wait_for(lambda: endpoints.ros.counters()["received_datagrams"] == counts["delivered"])
+    assert endpoints.ros.counters()["refused"] == {}
 
 
 def test_with_a_key_bit_errors_meet_the_seal(stack: ExitStack, key_file: str) -> None:
     bad = Impairment(bit_errors=2e-4)
-    ends = Ends(stack, LinkScript(to_ros=bad, from_ros=bad), key_file=key_file)
+    endpoints = Endpoints(stack, LinkScript(to_ros=bad, from_ros=bad), key_file=key_file)
     for index in range(200):
-        ends.gateway.send(8, f"/{index}", "", index, bytes(300))
-    assert ends.gateway.flush(10)
-    wait_for(lambda: ends.ros.counters()["received_datagrams"] == 200)
-    flipped = ends.counts("to_ros")["flipped"]
+        endpoints.gateway.send(8, f"/{index}", "", index, bytes(300))
+    assert endpoints.gateway.flush(10)
+    wait_for(lambda: endpoints.ros.counters()["received_datagrams"] == 200)
+    flipped = endpoints.counts("to_ros")["flipped"]
     assert flipped > 20
-    assert ends.counts("to_ros")["corrupted"] == 0
-    refused = ends.ros.counters()["refused"]
+    assert endpoints.counts("to_ros")["corrupted"] == 0
+    refused = endpoints.ros.counters()["refused"]
     assert sum(refused.values()) == flipped
     assert set(refused) <= {"bad_tag", "unsealed"}
-    assert {bytes(message.body) for message, _ in ends.at_ros} == {bytes(300)}
-    assert len(ends.at_ros) == 200 - flipped
+    assert {bytes(message.body) for message, _ in endpoints.at_ros} == {bytes(300)}
+    assert len(endpoints.at_ros) == 200 - flipped
 
 
 def test_what_strangers_send_takes_no_link(stack: ExitStack) -> None:
-    ends = Ends(stack, LinkScript())
+    endpoints = Endpoints(stack, LinkScript())
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         stranger.bind(("127.0.0.2", 0))
         for _ in range(20):
-            stranger.sendto(b"x" * 100, ends.gateway.address)
-    wait_for(lambda: ends.gateway.counters()["refused"] == {"stranger": 20})
-    assert ends.counts("from_ros")["datagrams"] == 0
+            stranger.sendto(b"x" * 100, endpoints.gateway.address)
+    wait_for(lambda: endpoints.gateway.counters()["refused"] == {"stranger": 20})
+    assert endpoints.counts("from_ros")["datagrams"] == 0
 
 
 @pytest.mark.parametrize("peers", [("127.0.0.2",), ("localhost", "127.0.0.2:0")])
@@ -214,11 +214,11 @@ def test_keys_that_cannot_be_used_are_the_users_to_mend(key_file: str) -> None:
 
 
 def test_closing_waits_for_nothing_that_is_on_the_way(stack: ExitStack) -> None:
-    ends = Ends(stack, LinkScript(to_ros=Impairment(delay_ms=60_000)))
-    ends.gateway.send(8, "/clock", "", 1, b"x")
-    wait_for(lambda: ends.counts("to_ros")["waiting"] == 1)
+    endpoints = Endpoints(stack, LinkScript(to_ros=Impairment(delay_ms=60_000)))
+    endpoints.gateway.send(8, "/clock", "", 1, b"x")
+    wait_for(lambda: endpoints.counts("to_ros")["waiting"] == 1)
     began = time.monotonic()
-    ends.gateway.close()
+    endpoints.gateway.close()
     assert time.monotonic() - began < 10
 
 
@@ -226,9 +226,9 @@ def test_what_is_due_waits_for_no_timeout(
     stack: ExitStack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("services.gateway.emulated_socket.WAIT_SECONDS", 3600.0)
-    ends = Ends(stack, LinkScript(from_ros=Impairment(delay_ms=20)))
-    ends.ros.send(9, "/cmd_vel", "", 1, b"twist", to=ends.gateway.address)
-    wait_for(lambda: ends.at_gateway)
+    endpoints = Endpoints(stack, LinkScript(from_ros=Impairment(delay_ms=20)))
+    endpoints.ros.send(9, "/cmd_vel", "", 1, b"twist", to=endpoints.gateway.address)
+    wait_for(lambda: endpoints.at_gateway)
 
 
 @pytest.mark.parametrize("missing_bytes", [0, 4096])

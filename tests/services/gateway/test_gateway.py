@@ -56,11 +56,11 @@ class RecordingLink:
 
     def __init__(self) -> None:
         self.sent: list[dict[str, Any]] = []
-        self.accounts_of: dict[Any, list[DeliveryCounts]] = {}
+        self.delivery_counts_of: dict[Any, list[DeliveryCounts]] = {}
         self.came: list[tuple[Any, str, str, TopicReport]] = []
 
     def delivery_counts(self, to: Any) -> list[DeliveryCounts]:
-        return self.accounts_of.get(to, [])
+        return self.delivery_counts_of.get(to, [])
 
     def arrivals(self) -> list[tuple[Any, str, str, TopicReport]]:
         return self.came
@@ -367,7 +367,7 @@ def test_a_stranger_may_subscribe_but_not_report(bench: Bench) -> None:
 def test_rows_are_of_the_peer_alone(bench: Bench) -> None:
     came = TopicReport(9, 0, 0, 3, 2, 0, 0, 1, 0, 0, 0, 48, 0, 0, 0, 5_000_000, 6_000_000)
     told = came._replace(msg_type=2, numbers=99, published=99)
-    bench.link.accounts_of[PEER] = [
+    bench.link.delivery_counts_of[PEER] = [
         DeliveryCounts(2, "/imu", 100, 0, 0, 99, 0, 0, 0, 1, 0, 0, 0, told)
     ]
     bench.link.came = [(PEER, "/cmd_vel", "", came), (STRANGER, "/cmd_vel", "", came)]

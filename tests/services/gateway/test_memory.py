@@ -15,7 +15,7 @@ IMU_KEY = f"groundlink/{RUN}/rover/imu"
 
 
 class Archive:
-    """A bus on which physics knows one last word of the gateway."""
+    """A bus on which physics knows the last acknowledgement of the gateway."""
 
     def __init__(self, *replies: bytes) -> None:
         self._replies = replies

@@ -11,7 +11,7 @@ from udp_bridge.wire.control import NO_AGE, LinkReport, TopicReport
 NANOS = 10**9
 
 
-def account(msg_type: int = 2, topic: str = "/imu", **changes: int) -> DeliveryCounts:
+def sent_counts(msg_type: int = 2, topic: str = "/imu", **changes: int) -> DeliveryCounts:
     counts = dict.fromkeys(TopicReport._fields, 0) | {
         "msg_type": msg_type,
         "published": 401,
@@ -37,15 +37,15 @@ NOTHING_TOLD = {"delivered": 0, "incomplete": 0, "late": 0, "dropped": 0, "repai
 
 
 def test_what_a_receiver_never_reported_is_not_lost() -> None:
-    unknown = account()._replace(report=None, missing=400, in_flight=20, **NOTHING_TOLD)
+    unknown = sent_counts()._replace(report=None, missing=400, in_flight=20, **NOTHING_TOLD)
     (row,) = reports().streams([unknown])
     assert (row.sent, row.measured_hz, row.age_seconds) == (420, None, None)
     assert (row.lost, row.missing, row.in_flight, row.reported) == (0, 0, 420, False)
 
 
 def test_what_a_receiver_does_not_report_while_it_reports_others_is_lost() -> None:
-    silent = account(2, "/imu")._replace(report=None, missing=400, in_flight=20, **NOTHING_TOLD)
-    row, other = reports().streams([silent, account(1, "/points")])
+    silent = sent_counts(2, "/imu")._replace(report=None, missing=400, in_flight=20, **NOTHING_TOLD)
+    row, other = reports().streams([silent, sent_counts(1, "/points")])
     assert (row.lost, row.missing, row.in_flight, row.reported) == (400, 400, 20, True)
     assert other.reported
     with_link = reports()
@@ -54,14 +54,14 @@ def test_what_a_receiver_does_not_report_while_it_reports_others_is_lost() -> No
 
 
 def test_rates_are_counted_in_stamps() -> None:
-    (row,) = reports().streams([account()])
+    (row,) = reports().streams([sent_counts()])
     assert row.measured_hz == pytest.approx(400.0)
     assert row.age_seconds == pytest.approx(0.003)
     assert row.age_p99_seconds == pytest.approx(0.008)
 
 
 def test_the_sums_of_a_row_add_up() -> None:
-    (row,) = reports().streams([account()])
+    (row,) = reports().streams([sent_counts()])
     assert row.lost == row.missing + row.incomplete + row.late == 3 + 4 + 5
     assert row.sent == row.messages + row.lost + row.dropped + row.in_flight
     assert (row.superseded, row.repaired, row.delivered_bytes) == (1, 6, 7)
@@ -69,29 +69,29 @@ def test_the_sums_of_a_row_add_up() -> None:
 
 def test_an_age_is_told_only_where_stamps_follow_the_wall() -> None:
     for follows, age, expected in [(False, 5, None), (True, NO_AGE, None), (True, 5, 5e-9)]:
-        (row,) = reports(follows=follows).streams([account(age_p50_nanos=age)])
+        (row,) = reports(follows=follows).streams([sent_counts(age_p50_nanos=age)])
         assert row.age_seconds == expected
 
 
 def test_what_is_not_measured_has_no_age() -> None:
-    (row,) = reports(declared=False).streams([account(35, "/tf_static")])
+    (row,) = reports(declared=False).streams([sent_counts(35, "/tf_static")])
     assert (row.age_seconds, row.age_p99_seconds) == (None, None)
 
 
 def test_the_bridges_own_messages_have_no_row() -> None:
-    own = account(7, "/cmd_vel")
+    own = sent_counts(7, "/cmd_vel")
     assert own.report is not None
     assert reports(declared=False).streams([own], [("/cmd_vel", own.report)]) == []
 
 
 def test_one_message_has_no_rate() -> None:
-    (row,) = reports().streams([account(published=1, last_stamp_nanos=NANOS)])
+    (row,) = reports().streams([sent_counts(published=1, last_stamp_nanos=NANOS)])
     assert row.measured_hz is None
 
 
 def test_what_comes_from_ros_adds_up_and_has_an_age() -> None:
     counts = {"published": 90, "incomplete": 2, "late": 3, "dropped": 4, "pending": 1}
-    report = account(9, "/cmd_vel", numbers=120, repaired=5, body_bytes=8, **counts).report
+    report = sent_counts(9, "/cmd_vel", numbers=120, repaired=5, body_bytes=8, **counts).report
     assert report is not None
     (row,) = reports(declared=False, follows=False).streams([], [("/cmd_vel", report)])
     assert (row.topic, row.type, row.direction) == ("/cmd_vel", "Twist", "from ROS")

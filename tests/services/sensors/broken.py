@@ -110,7 +110,7 @@ def stamped(reading: Reading, nanos: int) -> Reading:
     return replace(reading, stamp_nanos=nanos)
 
 
-def faulty(
+def wrapped(
     inner: SensorModel,
     message: type[BusMessage],
     *faults: Fault,

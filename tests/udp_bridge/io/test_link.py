@@ -32,7 +32,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
         time.sleep(0.001)
 
 
-class End:
+class Endpoint:
     """A link and what it received."""
 
     def __init__(self, *, bind: tuple[str, int] = LOCAL, **options: Any) -> None:
@@ -49,20 +49,20 @@ class End:
         return [message for message in self.received if message.msg_type != 64]
 
 
-Make = Callable[..., End]
+Make = Callable[..., Endpoint]
 
 
 @pytest.fixture
 def make() -> Iterator[Make]:
-    ends: list[End] = []
+    endpoints: list[Endpoint] = []
 
-    def make_end(**options: Any) -> End:
-        ends.append(End(**options))
-        return ends[-1]
+    def make_endpoint(**options: Any) -> Endpoint:
+        endpoints.append(Endpoint(**options))
+        return endpoints[-1]
 
-    yield make_end
-    for end in ends:
-        end.link.close()
+    yield make_endpoint
+    for endpoint in endpoints:
+        endpoint.link.close()
 
 
 def test_a_message_arrives_as_it_was_sent(make: Make) -> None:
@@ -204,10 +204,10 @@ def test_bad_messages_are_the_callers_to_hear_of(make: Make) -> None:
 
 
 def test_a_port_in_use_is_named(make: Make) -> None:
-    end = make()
-    where = f"127.0.0.1:{end.link.address[1]}"
+    endpoint = make()
+    where = f"127.0.0.1:{endpoint.link.address[1]}"
     with pytest.raises(OSError, match=f"can't bind to {where}: Address already in use"):
-        make(bind=end.link.address)
+        make(bind=endpoint.link.address)
 
 
 def test_host_names_are_known_by_their_address(make: Make) -> None:
@@ -249,8 +249,8 @@ def test_a_closing_receiver_reports_so_that_its_successor_continues(make: Make) 
     wait_for(lambda: len(again.received) == 1)
     again.link.close()
     wait_for(lambda: sender.link.delivery_counts()[0].delivered == 6)
-    (account,) = sender.link.delivery_counts()
-    assert (account.sent, account.missing, account.in_flight) == (6, 0, 0)
+    (counts,) = sender.link.delivery_counts()
+    assert (counts.sent, counts.missing, counts.in_flight) == (6, 0, 0)
 
 
 def test_confirmed_messages_count_when_reported(make: Make) -> None:
@@ -263,8 +263,8 @@ def test_confirmed_messages_count_when_reported(make: Make) -> None:
     receiver.link.dropped(receiver.received[1], sender.link.address)
     receiver.link.close()
     wait_for(lambda: sender.link.delivery_counts()[0].delivered == 1)
-    (account,) = sender.link.delivery_counts()
-    assert (account.dropped, account.in_flight) == (1, 1)
+    (counts,) = sender.link.delivery_counts()
+    assert (counts.dropped, counts.in_flight) == (1, 1)
 
 
 def test_without_report_nothing_goes_back_for_small_messages(make: Make) -> None:
@@ -403,9 +403,9 @@ def test_a_closed_link_sends_and_receives_no_more(make: Make) -> None:
     wait_for(lambda: len(receiver.received) == 1)
     names = {thread.name for thread in threading.enumerate()}
     assert names >= {"udp_bridge receive", "udp_bridge send"}
-    for end in (sender, receiver):
-        end.link.close()
-        end.link.close()
+    for endpoint in (sender, receiver):
+        endpoint.link.close()
+        endpoint.link.close()
     assert not any(thread.name.startswith("udp_bridge") for thread in threading.enumerate())
     sender.link.send(8, "/clock", "", 1, b"t")
     assert sender.link.flush(0)
@@ -414,9 +414,9 @@ def test_a_closed_link_sends_and_receives_no_more(make: Make) -> None:
 
 def test_closing_waits_for_no_timeout(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("udp_bridge.io.link._WAIT_S", 3600.0)
-    end = make()
-    end.link.close()  # far beyond a test's time if it waited
-    assert not any(thread.is_alive() for thread in end.link._threads)
+    endpoint = make()
+    endpoint.link.close()  # far beyond a test's time if it waited
+    assert not any(thread.is_alive() for thread in endpoint.link._threads)
 
 
 def test_closing_counts_what_was_open(make: Make) -> None:

@@ -168,8 +168,8 @@ def test_small_messages_go_in_the_thread_that_brings_them(wire: Wire) -> None:
         assert [header.stamp_nanos - 10**18 for header in wire.headers] == [0, 1, 2, 3, 4]
         assert set(wire.threads) == {threading.current_thread().name}
         assert link.counters()["sent_messages"] == 5
-        (account,) = link.delivery_counts()
-        assert (account.sent, account.sent_bytes) == (5, 5)
+        (counts,) = link.delivery_counts()
+        assert (counts.sent, counts.sent_bytes) == (5, 5)
 
 
 def test_an_offer_is_repeated_though_nothing_else_happens(wire: Wire) -> None:

@@ -309,7 +309,7 @@ def place_to_ask(parts: Parts, sender: socket.socket, debounce_nanos: int) -> Re
     return at._replace(debounce_nanos=debounce_nanos, may_nack=True)
 
 
-ASKING = CREDITS._replace(goodput=999)
+REQUESTING = CREDITS._replace(goodput=999)
 LONG_NANOS = 10**10
 
 
@@ -324,7 +324,7 @@ def test_a_gap_is_requested_as_python_would_and_filled_in_the_same_batch(
     for number in (0, 2, 1, 3, 4):
         one.sendto(whole(parts)[number], two.getsockname())
     at = place_to_ask(parts, one, 1)
-    run, _ = NativeBatches().receive(two, at, ASKING)
+    run, _ = NativeBatches().receive(two, at, REQUESTING)
     assert run is not None
     assert run.part_ranges == ((0, 1), (2, 1), (1, 1), (3, 2))
     assert run.nack_bitmap == b"\2"
@@ -342,7 +342,7 @@ def test_an_offer_behind_parts_is_answered_at_once_and_handed_over(pair: Pair, t
     offer = offer_of(topic)
     for raw in (*(whole(parts)[number] for number in (0, 1, 3)), offer):
         one.sendto(raw, two.getsockname())
-    run, _ = NativeBatches().receive(two, place_to_ask(parts, one, LONG_NANOS), ASKING)
+    run, _ = NativeBatches().receive(two, place_to_ask(parts, one, LONG_NANOS), REQUESTING)
     assert run is not None
     assert (run.part_ranges, run.unmatched) == (((0, 2), (3, 1)), offer)
     assert run.nack_bitmap == b"\x14"
@@ -369,7 +369,7 @@ def test_nothing_is_requested_after_another_datagram(pair: Pair, stray: bytes) -
     parts = parts_of(4500, 3)
     for raw in (whole(parts)[0], whole(parts)[2], stray):
         one.sendto(raw, two.getsockname())
-    run, _ = NativeBatches().receive(two, place_to_ask(parts, one, LONG_NANOS), ASKING)
+    run, _ = NativeBatches().receive(two, place_to_ask(parts, one, LONG_NANOS), REQUESTING)
     assert run is not None
     assert (run.unmatched, run.nack_bitmap) == (stray, b"")
     with pytest.raises(BlockingIOError):

@@ -31,7 +31,7 @@ ANSWERS = (ExpectedResponse("/cmd_vel", "/odom", TWIST),)
 
 
 class StandIn:
-    """Node, outlet, inlet and link in one: what the half between them needs of each."""
+    """Node, publishers, subscriptions and link in one: what the half between them needs of each."""
 
     def __init__(self) -> None:
         self.published: list[Message] = []

@@ -127,8 +127,8 @@ class Rig:
         self.turn()
 
     @staticmethod
-    def of_ros(word: BarrierReply, topic: str = "") -> WireMessage:
-        return WireMessage(CONTROL, topic, "", 0, 0, word.pack())
+    def of_ros(reply: BarrierReply, topic: str = "") -> WireMessage:
+        return WireMessage(CONTROL, topic, "", 0, 0, reply.pack())
 
     def commands(self, number: int) -> None:
         twist = b"\0\1\0\0" + bytes(48)

@@ -220,7 +220,7 @@ def test_what_was_heard_of_is_not_asked_twice() -> None:
 
 
 @pytest.mark.parametrize(
-    ("word", "line"),
+    ("reply", "line"),
     [
         (None, "127.0.0.1:7511 has not replied to the barrier of tick 0"),
         (
@@ -229,11 +229,11 @@ def test_what_was_heard_of_is_not_asked_twice() -> None:
         ),
     ],
 )
-def test_a_late_node_is_named_once(rig: Rig, word: BarrierReply | None, line: str) -> None:
+def test_a_late_node_is_named_once(rig: Rig, reply: BarrierReply | None, line: str) -> None:
     rig.clock(0)
     rig.followed(0)
-    if word is not None:
-        rig.gateway.on_message(rig.of_ros(word, "/cmd_vel"), PEER)
+    if reply is not None:
+        rig.gateway.on_message(rig.of_ros(reply, "/cmd_vel"), PEER)
     for _ in range(20):
         rig.turn(0.5)
     assert rig.said == [f"the ROS node at {line}"]
@@ -285,8 +285,8 @@ def test_a_topic_that_ros_does_not_get_cannot_be_answered() -> None:
 
 
 def test_a_name_of_the_peer_forges_no_line(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ReplyMailbox()
-    words.put_reply(BarrierReply(1, 0, WAITING), "/a\ngateway: all is well\x1b[2K")
-    say(words.lacking("the node", 1, 0))
+    mailbox = ReplyMailbox()
+    mailbox.put_reply(BarrierReply(1, 0, WAITING), "/a\ngateway: all is well\x1b[2K")
+    say(mailbox.lacking("the node", 1, 0))
     (line,) = capsys.readouterr().err.splitlines()
     assert line.isprintable()

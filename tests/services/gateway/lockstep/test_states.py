@@ -65,7 +65,7 @@ REACH: dict[LockstepState, Callable[[Rig], None]] = {
     LockstepState.CONNECTING: connect,
     LockstepState.RUNNING: run,
     LockstepState.COLLECTING: collect,
-    LockstepState.ASKING: ask,
+    LockstepState.BARRIER_SENT: ask,
     LockstepState.RUNNING_WITHOUT_ROS: run_without_ros,
     LockstepState.COLLECTING_WITHOUT_ROS: collect_without_ros,
 }

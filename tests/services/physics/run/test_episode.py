@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whose word counts in one episode of a run."""
+"""Which acknowledgements count in one episode of a run."""
 
 from __future__ import annotations
 

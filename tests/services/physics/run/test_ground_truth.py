@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ground truth is the state in ROS's words, at its declared instants."""
+"""The ground truth is the state as ROS messages, at its declared instants."""
 
 from __future__ import annotations
 

@@ -138,8 +138,8 @@ def test_a_word_counts_when_the_commands_that_it_speaks_of_are_here() -> None:
     first = Ack(EPISODE, -8, -1)
     pending.add("rover/driver", first)
     assert list(pending.take_complete()) == [("rover/driver", first)]
-    word = Ack(EPISODE, 8, 8, commanded={"rover": 16, "second": 12})
-    pending.add("gateway", word)
+    ack = Ack(EPISODE, 8, 8, commanded={"rover": 16, "second": 12})
+    pending.add("gateway", ack)
     pending.add("rover/imu", Ack(EPISODE, 50, 40))
     assert [name for name, _ in pending.take_complete()] == ["rover/imu"]
     pending.commanded("rover", 16)
@@ -147,5 +147,5 @@ def test_a_word_counts_when_the_commands_that_it_speaks_of_are_here() -> None:
     assert list(pending.take_complete()) == []
     pending.commanded("second", 12)
     pending.commanded("second", 11)
-    assert list(pending.take_complete()) == [("gateway", word)]
+    assert list(pending.take_complete()) == [("gateway", ack)]
     assert list(pending.take_complete()) == []

@@ -39,10 +39,10 @@ from tests.services.sensors.broken import (
     Counts,
     Repeats,
     changed,
-    faulty,
     points,
     seconds,
     states,
+    wrapped,
 )
 
 Values = Callable[[Any], Any]
@@ -106,7 +106,7 @@ def test_a_bias_is_added_and_a_drift_grows(message: type[Reading], quantity: str
         (Drift(per_s=per_s, **span), lambda at_s: 10 * (at_s - 0.1)),
     ]
     for fault, share in cases:
-        for _, reading in changed(faulty(Repeats(READINGS[message]), message, fault), 160):
+        for _, reading in changed(wrapped(Repeats(READINGS[message]), message, fault), 160):
             at = round(seconds(reading), 4)
             moved = np.multiply(numbers, share(at) if 0.1 <= at < 0.3 else 0.0)
             moved = moved[: np.size(start)] if np.ndim(moved) else moved
@@ -123,7 +123,7 @@ def test_noise_has_its_deviation_and_depends_on_the_seed_alone(
     stddev = 200.0 if message is WheelEncoders else 0.02
     fault = NoiseBurst(stddev=stddev, quantity=quantity)
     runs = [
-        changed(faulty(Repeats(READINGS[message]), message, fault, seed=seed), 1600)
+        changed(wrapped(Repeats(READINGS[message]), message, fault, seed=seed), 1600)
         for seed in (1, 1, 2)
     ]
     assert runs[0] == runs[1] != runs[2]
@@ -137,18 +137,18 @@ def test_noise_has_its_deviation_and_depends_on_the_seed_alone(
 
 def test_two_noises_that_begin_at_different_times_are_different() -> None:
     def errors(at_s: float) -> list[float]:
-        model = faulty(Repeats(READINGS[Range]), Range, NoiseBurst(stddev=0.1, at_s=at_s))
+        model = wrapped(Repeats(READINGS[Range]), Range, NoiseBurst(stddev=0.1, at_s=at_s))
         return [r.range_m for _, r in changed(model, 400) if seconds(r) > 0.5]  # type: ignore[attr-defined]
 
     assert errors(0.0) != errors(0.25)
 
 
 def test_what_is_no_distance_stays_and_limits_are_kept() -> None:
-    model = faulty(Repeats(READINGS[LaserScan]), LaserScan, Bias(value=1.0))
+    model = wrapped(Repeats(READINGS[LaserScan]), LaserScan, Bias(value=1.0))
     ranges = scan_range_m(changed(model, 1)[0][1])  # type: ignore[arg-type]
     expected = [2.0, 3.0, np.inf, np.inf, -np.inf, np.nan, 1.3, 6.0]
     assert np.array_equal(ranges, np.float32(expected), equal_nan=True)
-    model = faulty(Repeats(READINGS[LaserScan]), LaserScan, Bias(value=-1.0))
+    model = wrapped(Repeats(READINGS[LaserScan]), LaserScan, Bias(value=-1.0))
     ranges = scan_range_m(changed(model, 1)[0][1])  # type: ignore[arg-type]
     expected = [-np.inf, 1.0, np.inf, 8.5, -np.inf, np.nan, -np.inf, 4.0]
     assert np.array_equal(ranges, np.float32(expected), equal_nan=True)
@@ -156,19 +156,19 @@ def test_what_is_no_distance_stays_and_limits_are_kept() -> None:
 
 def test_points_that_would_come_behind_the_sensor_are_gone() -> None:
     cloud = PointCloud(0, "lidar", points((1, 0, 0), (0, 3, 0), (0, 0, 0)).tobytes())  # type: ignore[arg-type]
-    model = faulty(Repeats(cloud), PointCloud, Bias(value=-2.0))
+    model = wrapped(Repeats(cloud), PointCloud, Bias(value=-2.0))
     [point] = changed(model, 1)[0][1].records()  # type: ignore[attr-defined]
     assert (point["x"], point["y"], point["z"], point["ring"]) == (0, 1, 0, 1)
 
 
 def test_counters_wrap() -> None:
-    model = faulty(Repeats(READINGS[WheelEncoders]), WheelEncoders, Bias(value=(0.0, 2.0)))
+    model = wrapped(Repeats(READINGS[WheelEncoders]), WheelEncoders, Bias(value=(0.0, 2.0)))
     assert changed(model, 1)[0][1].ticks == (100, -(2**63) + 1)  # type: ignore[attr-defined]
 
 
 def test_a_receiver_without_a_fix_gets_none() -> None:
     nothing = NavSatFix(0, "gps", -1, 1, math.nan, math.nan, math.nan, bytes(72), 0)  # type: ignore[arg-type]
-    model = faulty(Repeats(nothing), NavSatFix, Bias(value=3.0), NoiseBurst(stddev=1.0))
+    model = wrapped(Repeats(nothing), NavSatFix, Bias(value=3.0), NoiseBurst(stddev=1.0))
     [(_, fix)] = changed(model, 1)
     assert math.isnan(fix.latitude_deg)  # type: ignore[attr-defined]
     assert math.isnan(fix.altitude_m)  # type: ignore[attr-defined]
@@ -186,7 +186,7 @@ def test_a_receiver_without_a_fix_gets_none() -> None:
 )
 def test_a_covered_sector_returns_nothing(sector: tuple[float, float], kept_deg: list[int]) -> None:
     fault = OccludedSector(from_deg=sector[0], to_deg=sector[1])
-    [(_, cloud)] = changed(faulty(Repeats(READINGS[PointCloud]), PointCloud, fault), 1)
+    [(_, cloud)] = changed(wrapped(Repeats(READINGS[PointCloud]), PointCloud, fault), 1)
     records = cloud.records()  # type: ignore[attr-defined]
     assert records.tolist() == points(*RING)[[d // 10 for d in kept_deg]].tolist() or not kept_deg
     azimuth = np.rint(np.degrees(np.arctan2(records["y"], records["x"])) % 360)
@@ -195,7 +195,7 @@ def test_a_covered_sector_returns_nothing(sector: tuple[float, float], kept_deg:
 
 def test_a_covered_sector_of_a_scan_meets_nothing() -> None:
     fault = OccludedSector(from_deg=-100, to_deg=0)
-    [(_, scan)] = changed(faulty(Repeats(READINGS[LaserScan]), LaserScan, fault), 1)
+    [(_, scan)] = changed(wrapped(Repeats(READINGS[LaserScan]), LaserScan, fault), 1)
     # Rays at -180, -135, -90 ... 135 degrees.
     expected = [1.0, 2.0, np.inf, np.inf, np.inf, np.nan, 0.3, 5.0]
     assert np.array_equal(scan_range_m(scan), np.float32(expected), equal_nan=True)  # type: ignore[arg-type]
@@ -207,7 +207,7 @@ ALL = [pytest.param(m, id=m.__name__) for m in READINGS]
 
 
 def taken(message: type[Reading], *faults: Fault, ticks: int = 200) -> list[tuple[int, BusMessage]]:
-    return changed(faulty(Counts(READINGS[message]), message, *faults), ticks)
+    return changed(wrapped(Counts(READINGS[message]), message, *faults), ticks)
 
 
 def numbers(run: list[tuple[int, BusMessage]]) -> list[int]:
@@ -289,14 +289,14 @@ def test_a_lower_rate_begins_with_its_first_reading_however_they_are_spaced() ->
         def readings(self, state: State) -> Iterator[BusMessage]:
             return (r for r in super().readings(state) if round(100 * seconds(r)) % 6 < 3)
 
-    model = faulty(Bursts(READINGS[LaserScan]), LaserScan, RateChange(rate_hz=40.0, at_s=0.1))
+    model = wrapped(Bursts(READINGS[LaserScan]), LaserScan, RateChange(rate_hz=40.0, at_s=0.1))
     kept = [number for number in numbers(changed(model, 200)) if number >= 10]
     # From 0.12 s on there are readings; events are 25 ms apart from 0.1 s on.
     assert kept == [12, 13, 18, 20, 24, 25, 30, 36, 38, 42, 43, 48]
 
 
 def test_stamps_that_are_rounded_count_as_what_they_are() -> None:
-    model = faulty(Counts(READINGS[Imu], 30.0), Imu, RateChange(rate_hz=15.0))
+    model = wrapped(Counts(READINGS[Imu], 30.0), Imu, RateChange(rate_hz=15.0))
     run = changed(model, 400)
     assert [round(30 * seconds(reading)) for _, reading in run] == [*range(0, 30, 2)]
 
@@ -327,5 +327,5 @@ def test_what_is_no_reading_is_out_of_reach() -> None:
                 yield reading
                 yield state
 
-    run = changed(faulty(WithTruth(READINGS[Imu]), Imu, Off(), Delay(delay_s=0.1)), 20)
+    run = changed(wrapped(WithTruth(READINGS[Imu]), Imu, Off(), Delay(delay_s=0.1)), 20)
     assert [message for _, message in run] == list(states(range(0, 20, 4)))

@@ -36,7 +36,7 @@ from services.sensors.runtime.model import (
     StreamMessage,
     stream_and_message,
 )
-from tests.services.sensors.broken import READINGS, Counts, Line, Repeats, faulty, stamped
+from tests.services.sensors.broken import READINGS, Counts, Line, Repeats, stamped, wrapped
 from tests.services.sensors.states import WHEELS, scenario
 from tests.services.sensors.states import states as moving_states
 
@@ -99,7 +99,7 @@ def model(
     kind: Callable[[], tuple[SensorModel, type[BusMessage]]], faults: tuple[Fault, ...]
 ) -> FaultWrapper:
     inner, message = kind()
-    return faulty(inner, message, *faults)
+    return wrapped(inner, message, *faults)
 
 
 def played(
@@ -180,7 +180,7 @@ def test_a_live_fault_outlives_its_process_but_not_the_episode() -> None:
 
 
 def test_a_gap_in_the_states_loses_nothing_that_is_on_its_way() -> None:
-    late = faulty(Repeats(READINGS[Imu]), Imu, Delay(delay_s=0.1))
+    late = wrapped(Repeats(READINGS[Imu]), Imu, Delay(delay_s=0.1))
     came = [m for s in STATES[:100] for m in late.readings(s)]
     late.restart()
     came += [m for s in STATES[110:200] for m in late.readings(s)]
@@ -190,7 +190,7 @@ def test_a_gap_in_the_states_loses_nothing_that_is_on_its_way() -> None:
 
 def test_without_faults_nothing_is_touched() -> None:
     whole = [m for s in STATES for m in Repeats(READINGS[PointCloud]).readings(s)]
-    none = faulty(Repeats(READINGS[PointCloud]), PointCloud)
+    none = wrapped(Repeats(READINGS[PointCloud]), PointCloud)
     assert [m for s in STATES for m in none.readings(s)] == whole
 
 
@@ -247,7 +247,7 @@ def faulty_free() -> FaultWrapper:
 
 def test_a_sensor_that_is_made_anew_keeps_its_faults_until_its_vehicle_has_gone() -> None:
     inner, message = lidar()
-    it = faulty(inner, message, Off(at_s=1.0, for_s=0.5))
+    it = wrapped(inner, message, Off(at_s=1.0, for_s=0.5))
     ticks = []
     for state in STATES:
         if state.tick == 410:

@@ -12,7 +12,7 @@ from groundlink.run.fault_messages import CLEAR, FaultAnswer, Faults
 from groundlink.scenario import sensors
 from groundlink.scenario.faults import Bias, Fault, NoiseBurst, Off, RateChange, Stuck
 from services.sensors.faults.live import LiveFaults
-from tests.services.sensors.broken import EPOCH_NANOS, READINGS, Line, Repeats, faulty, states
+from tests.services.sensors.broken import EPOCH_NANOS, READINGS, Line, Repeats, states, wrapped
 from tests.services.sensors.states import scenario
 
 
@@ -22,7 +22,7 @@ class Bench:
     def __init__(self, *faults: Fault) -> None:
         self.told: list[Faults] = []
         self.line = Line()
-        self.model = faulty(Repeats(READINGS[Imu]), Imu, *faults)
+        self.model = wrapped(Repeats(READINGS[Imu]), Imu, *faults)
         process = self.line.process(self.model)
         self.live = LiveFaults(
             process,

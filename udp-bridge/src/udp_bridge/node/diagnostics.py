@@ -78,13 +78,13 @@ class NodeDiagnostics:
                 of = lost(topic or MSG_TYPES[report.msg_type].default_topic)
                 rows.append(self.arriving(topic, report, f"{host}:{port}", now_nanos, of))
         for host, port in dict.fromkeys(sender for sender, *_ in arrivals):
-            accounts = link.delivery_counts((host, port))
+            found = link.delivery_counts((host, port))
             # A peer that reports one topic reports every topic of which something arrived.
-            reported = any(account.report is not None for account in accounts)
-            for account in accounts:
-                if MSG_TYPES[account.msg_type].ros_type is not None:
+            reported = any(row.report is not None for row in found)
+            for row in found:
+                if MSG_TYPES[row.msg_type].ros_type is not None:
                     peer = f"{host}:{port}"
-                    rows.append(self.leaving(account, peer, now_nanos, reported=reported))
+                    rows.append(self.outgoing(row, peer, now_nanos, reported=reported))
         return rows
 
     def arriving(
@@ -115,32 +115,32 @@ class NodeDiagnostics:
         key = ("to ROS", topic, values["type"], sender)
         return self._row(key, topic, causes, report.published, values, now_nanos)
 
-    def leaving(
-        self, account: DeliveryCounts, peer: str, now_nanos: int, *, reported: bool = True
+    def outgoing(
+        self, sent: DeliveryCounts, peer: str, now_nanos: int, *, reported: bool = True
     ) -> StatusRow:
         """Return the row of a topic that goes to a peer, which may have reported nothing yet."""
         if not reported:
-            account = account._replace(missing=0, in_flight=account.sent)
-        causes = {name: getattr(account, name) for name in _CAUSES}
-        report = account.report
+            sent = sent._replace(missing=0, in_flight=sent.sent)
+        causes = {name: getattr(sent, name) for name in _CAUSES}
+        report = sent.report
         values = {
-            "type": MSG_TYPES[account.msg_type].name,
+            "type": MSG_TYPES[sent.msg_type].name,
             "peer": peer,
             "direction": "from ROS",
-            "sent": str(account.sent),
-            "delivered": str(account.delivered),
+            "sent": str(sent.sent),
+            "delivered": str(sent.delivered),
             **{name: str(count) for name, count in causes.items()},
-            "in flight": str(account.in_flight),
-            "repaired": str(account.repaired),
-            "superseded": str(account.superseded),
-            "bytes": str(account.delivered_bytes),
+            "in flight": str(sent.in_flight),
+            "repaired": str(sent.repaired),
+            "superseded": str(sent.superseded),
+            "bytes": str(sent.delivered_bytes),
             "age p50 (ms)": _milliseconds(report.age_p50_nanos if report else NO_AGE),
             "age p99 (ms)": _milliseconds(report.age_p99_nanos if report else NO_AGE),
         }
         if not reported:
-            return StatusRow(OK, account.topic, "not reported", values)
-        key = ("from ROS", account.topic, values["type"], peer)
-        return self._row(key, account.topic, causes, account.delivered, values, now_nanos)
+            return StatusRow(OK, sent.topic, "not reported", values)
+        key = ("from ROS", sent.topic, values["type"], peer)
+        return self._row(key, sent.topic, causes, sent.delivered, values, now_nanos)
 
     def link(self, counts: Mapping[str, Any], receive_buffer: int) -> StatusRow:
         """Return the row of the node's socket; `counts` are those of `Link.counters`."""
