@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of topics: every kind of stream on the bus, in one place.
+"""Table of topics: keys, message types and rates of all streams on the bus.
 
-Rule: a key, a message type or a rate is written here and nowhere else. Liveness checks, the
-command `groundlink topics`, documentation and tests are derived from the table.
+Keys, message types and rates are defined only here. Liveness checks, the command `groundlink
+topics`, the reference in `docs/bus.md` and tests are derived from the table.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ VITALS = BusTopic(
 
 
 def _from_ros(name: str, message: type[BusMessage]) -> BusTopic:
-    """Return the row of what a vehicle's stack tells by ROS."""
+    """Return the row of a topic that comes from a vehicle's stack by ROS."""
     return BusTopic(
         name=f"from_ros.{name}",
         key=f"{{vehicle}}/from_ros/{name}",
@@ -128,16 +128,16 @@ FROM_ROS = {
     "map": _from_ros("map", OccupancyGrid),
     "joints": JOINT_COMMAND,
 }
-"""By field of the scenario's `from_ros`."""
+"""Rows by field of the scenario's `from_ros`."""
 
 RELAYED = replace(_from_ros("topics", Relayed), key="{vehicle}/from_ros/topics/{topic}")
-"""Of its further topics, each under its name in ROS."""
+"""Row of the further topics of `from_ros`; each has its ROS name in the key."""
 
 OUTPUTS = {kind.name: _outputs(kind) for kind in sensor_kinds().values()}
-"""By kind of sensor: the rows of its streams by name; the main one has the empty name."""
+"""Rows of the streams of each kind of sensor, by name. The main stream has the empty name."""
 
 SENSOR_TOPICS = {kind: rows[""] for kind, rows in OUTPUTS.items()}
-"""By kind of sensor: the row of its main stream."""
+"""Row of the main stream of each kind of sensor."""
 
 _EXTRAS: dict[str, type[BusMessage]] = {
     "image": Image,
@@ -158,7 +158,7 @@ STREAM_TOPICS = {
     name: replace(_of_sensor(name, message), publisher="as in vehicles.streams")
     for name, message in _EXTRAS.items()
 }
-"""By kind: every stream that a scenario can send to ROS."""
+"""Rows of the streams that `vehicles.streams` of a scenario can send to ROS, by kind."""
 
 TOPICS = (
     STATE,
@@ -183,17 +183,17 @@ TOPICS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """One of the streams of a sensor."""
+    """A stream of a sensor."""
 
     name: str
-    """By which the sensor's model tags what belongs to it; empty for the main one."""
+    """Name of the stream in the output of the sensor's model; empty for the main stream."""
 
     row: BusTopic
     ros_topic: str
 
 
 def sensor_outputs(spec: SensorSpec) -> list[Output]:
-    """Return every stream of a sensor, with its ROS topic."""
+    """Return all streams of a sensor, with their ROS topics."""
     rows = OUTPUTS.get(spec.kind, {})
     return [
         Output(name=name, row=rows[name], ros_topic=topic)
@@ -202,19 +202,19 @@ def sensor_outputs(spec: SensorSpec) -> list[Output]:
 
 
 def driver_name(vehicle: Vehicle) -> str:
-    """Return the name of the process that drives a vehicle along a route."""
+    """Return the name of the process that drives a vehicle along its route."""
     return f"{vehicle.name}/driver"
 
 
 def driver_names(scenario: Scenario) -> list[str]:
-    """Return the drivers that a run needs: of every vehicle with a route."""
+    """Return the driver processes of a run: one for each vehicle with a route."""
     return [driver_name(vehicle) for vehicle in scenario.vehicles if vehicle.route is not None]
 
 
 def process_names(scenario: Scenario) -> dict[str, str]:
-    """Return the processes of a run, by name, with the module of each.
+    """Return the processes of a run by name, with the module of each.
 
-    A sensor of a kind that is not installed here has an empty module.
+    A sensor of a kind that is not installed has an empty module.
     """
     processes = {PHYSICS: "services.physics"}
     for vehicle in scenario.vehicles:

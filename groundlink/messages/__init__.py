@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of the bus: one module a family, with their MessagePack encoding.
+"""Messages of the bus and their MessagePack encoding, one module a family.
 
-May be imported by everything except `core`. A message knows no topic, no bus and no ROS type.
+May be imported by everything except `core`. Independent of topics, the bus and ROS types.
 """

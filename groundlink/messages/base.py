@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The messages of the bus and their bytes.
+"""Messages of the bus and their encoding.
 
-Rule: a message is a Struct whose MessagePack map is the format; arrays travel as one bin each and
-are read in place. What does not fit its schema raises `BadBusMessage` with a reason, never more.
-Stamps are the instant of measurement: nanoseconds of the run's epoch plus sim time. Those of images
-and ranges are in `imagery`, those of poses, maps and transforms in `navigation`.
+A message is a Struct; its MessagePack map is the wire format. Each array is one bin and is read in
+place. A payload that does not fit its schema raises `BadBusMessage` with a reason, and no other
+error. Stamps are instants of measurement in nanoseconds: the run's epoch plus sim time. Images and
+ranges are in `imagery`; poses, maps and transforms are in `navigation`.
 """
 
 from __future__ import annotations
@@ -27,33 +27,33 @@ POINT = np.dtype(
         "itemsize": 22,
     }
 )
-"""A LiDAR return as sensor_msgs/PointCloud2 carries it: metres in the sensor's frame, reflectivity
-0..255, laser number from below, seconds from the cloud's stamp."""
+"""A LiDAR return in the layout of sensor_msgs/PointCloud2: position in meters in the sensor's
+frame, reflectivity 0..255, laser number from below, seconds after the cloud's stamp."""
 
 
 class BadBusMessage(ValueError):
-    """Bytes from the bus that are not the message they should be; the text says why."""
+    """Payload from the bus that is not a valid message of its type; the text gives the reason."""
 
 
 class BusMessage(msgspec.Struct, frozen=True):
-    """A message of the bus."""
+    """Base of all messages of the bus."""
 
 
 class Reading(BusMessage, frozen=True, kw_only=True, omit_defaults=True):
-    """What a sensor has measured, stamped by the sensor's own clock."""
+    """Base of sensor readings, stamped by the sensor's own clock."""
 
     clock_error_nanos: int = 0
-    """By how much that clock is off on purpose; the stamp less this is the instant of measurement.
-    """
+    """Injected error of the sensor's clock. The stamp minus this value is the instant of
+    measurement."""
 
 
 def all_messages() -> set[type[BusMessage]]:
-    """Return every type of message that was imported."""
+    """Return all message types of imported modules."""
     return {*BusMessage.__subclasses__(), *Reading.__subclasses__()} - {Reading}
 
 
 def measured_nanos(message: BusMessage) -> int:
-    """Return the instant of a message on the run's time line, whatever a sensor's clock says."""
+    """Return the instant of a message on the run's time line, without the clock error."""
     stamp: int = message.stamp_nanos  # type: ignore[attr-defined]
     return stamp - message.clock_error_nanos if isinstance(message, Reading) else stamp
 
@@ -65,29 +65,30 @@ def whole(array: memoryview, record_bytes: int, field: str) -> None:
 
 
 def exactly(array: memoryview, size_bytes: int, field: str) -> None:
-    """Refuse a bin that is not as long as the message's other fields say."""
+    """Refuse a bin whose size does not match the message's other fields."""
     if len(array) != size_bytes:
         raise ValueError(f"`{field}` has {len(array)} bytes, expected {size_bytes}")
 
 
 class VehicleState(msgspec.Struct, frozen=True):
-    """Where a vehicle's links are, how its base moves, where its joints are."""
+    """State of a vehicle: link poses, base velocity, and positions and velocities of joints."""
 
     link_poses: memoryview
-    """float64, rows of x, y, z, qx, qy, qz, qw: world_from_link, in the order of the model's links
-    (base first, then wheels, then other joints)."""
+    """float64, rows of x, y, z (m), qx, qy, qz, qw: world_from_link, in the order of the model's
+    links (base first, then wheels, then other joints)."""
 
     base_velocity: memoryview
     """float64, 6: linear (m/s), then angular (rad/s) velocity of the base's origin, in world."""
 
     joint_positions: memoryview
-    """float64, one a wheel in the order of the model's wheels: radians, never wrapped."""
+    """float64, rad, one value per wheel in the order of the model's wheels; angles are not wrapped.
+    """
 
     joint_velocities: memoryview
-    """float64, rad/s, in the same order."""
+    """float64, rad/s, one value per wheel in the same order."""
 
     servo_positions: memoryview = memoryview(b"")
-    """float64, one a joint that is none of a wheel, in the model's order: rad, or m."""
+    """float64, rad or m, one value per joint other than wheel joints, in the model's order."""
 
     servo_velocities: memoryview = memoryview(b"")
     """float64, rad/s or m/s, in the same order."""
@@ -106,12 +107,12 @@ class VehicleState(msgspec.Struct, frozen=True):
 
 
 class State(BusMessage, frozen=True):
-    """The truth at one tick, from physics, 400 a second of sim time."""
+    """Ground truth of a run at one tick, from physics; 400 ticks per second of sim time."""
 
     run: str
     episode: int = msgspec.field(name="life")
-    """Identifies an episode of the run: each start and each reset of physics begins one, at tick 0.
-    Its value is the wall clock in nanoseconds at that time."""
+    """Identifies an episode of the run. Each start and each reset of physics begins an episode, at
+    tick 0. The value is the wall clock in nanoseconds at that time."""
 
     epoch_nanos: int
     """Stamp of sim time zero."""
@@ -121,7 +122,7 @@ class State(BusMessage, frozen=True):
     world_hash: str
     vehicles: dict[str, VehicleState]
     actors: memoryview = memoryview(b"")
-    """float64, rows of x, y, z, qx, qy, qz, qw: world_from_actor, in the scenario's order."""
+    """float64, rows of x, y, z (m), qx, qy, qz, qw: world_from_actor, in the scenario's order."""
 
     def __post_init__(self) -> None:
         whole(self.actors, 7 * 8, "actors")
@@ -133,7 +134,7 @@ class State(BusMessage, frozen=True):
 
 
 class Clock(BusMessage, frozen=True):
-    """The run's time, for ROS nodes that use sim time."""
+    """Clock of the run, for ROS nodes that use sim time."""
 
     stamp_nanos: int
     epoch_nanos: int
@@ -143,30 +144,30 @@ class Clock(BusMessage, frozen=True):
 
 
 class Command(BusMessage, frozen=True):
-    """A velocity that a vehicle is asked for (geometry_msgs/Twist), in its base frame."""
+    """Velocity command for a vehicle, in its base frame (geometry_msgs/Twist)."""
 
     stamp_nanos: int
-    """Sim instant at which the command was current; it acts at the tick after it."""
+    """Time of the command. The command acts at the first tick after it."""
 
     linear_mps: Vector3
     angular_radps: Vector3
 
 
 class WheelCommand(BusMessage, frozen=True):
-    """What single wheels of a vehicle are asked for, instead of a velocity; at once, not ramped."""
+    """Command for individual wheels. It acts at once, without acceleration limits."""
 
     stamp_nanos: int
-    """As a command's."""
+    """See `Command.stamp_nanos`."""
 
     speeds_radps: dict[str, float]
-    """By the names of driven wheels or tracks, forward > 0; those left out are to stand still."""
+    """Speed by name of driven wheel or track, forward > 0. Wheels that are left out stop."""
 
     angles_rad: dict[str, float] = {}
-    """By the names of steered wheels, to the left > 0; those left out straight ahead."""
+    """Angle by name of steered wheel, left > 0. Wheels that are left out point straight ahead."""
 
 
 class Imu(Reading, frozen=True):
-    """One sample of an inertial measurement unit, in the sensor's frame (REP 145)."""
+    """A sample of an inertial measurement unit, in the sensor's frame (REP 145)."""
 
     stamp_nanos: int
     frame: str
@@ -175,7 +176,7 @@ class Imu(Reading, frozen=True):
 
     angular_velocity_radps: Vector3
     linear_acceleration_mps2: Vector3
-    """Specific force: a level unit at rest reads +9.80665 on z."""
+    """Specific force: a level unit at rest measures +9.80665 on z."""
 
     orientation_variance: float
     angular_velocity_variance: float
@@ -183,14 +184,14 @@ class Imu(Reading, frozen=True):
 
 
 class PointCloud(Reading, frozen=True):
-    """The returns of one LiDAR revolution, or of one block of it."""
+    """Points of a LiDAR revolution, or of a block of a revolution."""
 
     stamp_nanos: int
-    """The first firing, whether it returned or not."""
+    """Time of the first firing, with or without a return."""
 
     frame: str
     points: memoryview
-    """`POINT` records; rays without a return are left out."""
+    """`POINT` records. Rays without a return have no record."""
 
     def __post_init__(self) -> None:
         whole(self.points, POINT.itemsize, "points")
@@ -201,7 +202,7 @@ class PointCloud(Reading, frozen=True):
 
 
 class WheelEncoders(Reading, frozen=True):
-    """The 64-bit counters of a vehicle's wheels."""
+    """64-bit counters of a vehicle's wheel encoders."""
 
     stamp_nanos: int
     frame: str
@@ -210,31 +211,32 @@ class WheelEncoders(Reading, frozen=True):
 
 
 class Ack(BusMessage, frozen=True):
-    """A process's word on how far it has come."""
+    """Acknowledgement: how far a process has followed physics."""
 
     episode: int = msgspec.field(name="life")
     """See `State.episode`."""
 
     tick: int
-    """The last state that it has taken in; -1 for none yet."""
+    """Newest state that the process has received; -1 for none."""
 
     settled_tick: int
-    """The tick up to which nothing more will come from it: where a successor may resume."""
+    """Tick up to which the process has published everything. A successor resumes there."""
 
     memory: bytes = b""
-    """What a successor cannot know from the states since then, in the process's own words."""
+    """Internal state of the process, for a successor that cannot compute it from later states. Its
+    format is private to the process."""
 
     commanded: dict[str, int] = {}
-    """By vehicle, the tick of the stamp of the newest command that it sent up to now: physics takes
-    its word when that is here."""
+    """By vehicle, the tick of the stamp of the newest command that the process has sent. Physics
+    applies the acknowledgement when this command has arrived."""
 
 
 NOT_REPORTED = "not reported"
-"""Shown for a topic whose receiver sends no reports."""
+"""Text for a topic whose receiver sends no reports."""
 
 
 class StreamReport(msgspec.Struct, frozen=True):
-    """What became of one topic between the gateway and the ROS side.
+    """Delivery statistics of one topic between the gateway and the ROS side.
 
     `sent` = messages + missing + incomplete + late + dropped + in_flight.
     """
@@ -243,53 +245,54 @@ class StreamReport(msgspec.Struct, frozen=True):
     type: str
     declared_hz: float | None
     measured_hz: float | None
-    """Counted in stamps: (messages - 1) / (last stamp - first stamp)."""
+    """Rate by stamps: (messages - 1) / (last stamp - first stamp)."""
 
     age_seconds: float | None
-    """From the instant of measurement to publication: the median of the last 10 s."""
+    """Median age of the last 10 s, from the instant of measurement to publication."""
 
     messages: int
-    """Published at the other end."""
+    """Messages that the other end has published."""
 
     lost: int
-    """What the wire lost: missing + incomplete + late."""
+    """Messages lost on the network: missing + incomplete + late."""
 
     direction: str = "to ROS"
     age_p99_seconds: float | None = None
-    """What 99 % of the ages do not exceed."""
+    """99th percentile of the age."""
 
     sent: int = 0
     missing: int = 0
-    """Of which nothing came."""
+    """Messages of which no part arrived."""
 
     incomplete: int = 0
-    """Given up for want of parts."""
+    """Messages that were given up because parts were missing."""
 
     late: int = 0
-    """Whole behind a newer one."""
+    """Complete messages that arrived after a newer one."""
 
     dropped: int = 0
-    """Whole, but pushed out by a newer one before it was published, or refused by ROS."""
+    """Complete messages that were replaced by a newer one before publication, or that ROS refused.
+    """
 
     in_flight: int = 0
-    """On the way, or waiting at the other end, or not yet reported."""
+    """Messages that are on the way, waiting at the other end, or not yet reported."""
 
     repaired: int = 0
-    """Of those that came whole, the ones that needed repair."""
+    """Complete messages that needed repair."""
 
     superseded: int = 0
-    """Pushed out by a newer one before they were sent; no part of `sent`."""
+    """Messages that were replaced by a newer one before they were sent; not included in `sent`."""
 
     delivered_bytes: int = 0
-    """Bodies of those published."""
+    """Size of the bodies of the published messages."""
 
     reported: bool = True
-    """False where the ROS side has never reported what arrives: then only `sent`, all of it
-    `in_flight`, and `superseded` are known, and nothing counts as lost."""
+    """False if the ROS side has never reported what arrives. In that case only `sent` (all of it
+    `in_flight`) and `superseded` are known, and nothing counts as lost."""
 
 
 class Health(BusMessage, frozen=True):
-    """A process's word about itself, once a second."""
+    """Health report of a process, once per second."""
 
     process: str
     pid: int
@@ -297,7 +300,7 @@ class Health(BusMessage, frozen=True):
     counters: dict[str, int]
     streams: tuple[StreamReport, ...] = ()
     host: str = ""
-    """Name of the machine that it runs on."""
+    """Name of the machine that the process runs on."""
 
 
 M = TypeVar("M", bound=BusMessage)
@@ -312,7 +315,7 @@ def encode(message: BusMessage) -> bytes:
 
 
 def decode(payload: bytes | memoryview, message_type: type[M]) -> M:
-    """Return the message that `payload` holds; its arrays are views into `payload`.
+    """Return the message in `payload`; its arrays are views into `payload`.
 
     Raises
     ------
@@ -329,10 +332,10 @@ def decode(payload: bytes | memoryview, message_type: type[M]) -> M:
 
 
 def floats(packed: memoryview) -> NDArray[np.float64]:
-    """Return the float64 array that a bin holds, without a copy, read-only."""
+    """Return the float64 array of a bin, as a read-only view."""
     return np.frombuffer(packed, np.float64)
 
 
 def packed(array: NDArray[Any]) -> memoryview:
-    """Return an array's bytes for a bin field, without a copy where it is contiguous."""
+    """Return an array's bytes for a bin field; a view if the array is contiguous."""
     return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The messages of the bus that tell the truth: where all bodies are, what each LiDAR point is on.
+"""Messages of ground truth: poses of all bodies, and the true points behind LiDAR clouds.
 
-Rule: no errors in them, so no covariances; the same rules as in `messages`. The truth about a
-vehicle's motion and its wheels is told in the words of `navigation`.
+They have no errors and therefore no covariances. The true motion of a vehicle and its wheels uses
+the messages of `navigation`.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from numpy.typing import NDArray
 from .base import POINT, BusMessage, exactly, floats, whole
 
 WORLD_FRAME = "world"
-"""ENU, the frame of the scenario's placements."""
+"""World frame (ENU), in which the scenario's placements are given."""
 
 TRUE_POINT = np.dtype([*POINT.descr, ("body", "<u4")])
-"""`POINT` with the number of the body that it is on, as `groundlink.scene.bodies` counts, or its
+"""`POINT` with the number of the body that the point is on, as in `groundlink.scene.bodies`, or its
 `NO_BODY`."""
 
 
 class Bodies(BusMessage, frozen=True):
-    """Where every body of a run is (tf2_msgs/TFMessage)."""
+    """Poses of all bodies of a run (tf2_msgs/TFMessage)."""
 
     stamp_nanos: int
     names: Annotated[tuple[str, ...], Meta(min_length=1)]
-    """Of all bodies; a body's place in them is its number (`groundlink.scene.bodies`)."""
+    """Names of all bodies. The index of a name is the body's number (`groundlink.scene.bodies`)."""
 
     poses: memoryview
-    """float64, for each a row of x, y, z, qx, qy, qz, qw: world_from_body."""
+    """float64, a row of x, y, z (m), qx, qy, qz, qw for each body: world_from_body."""
 
     def __post_init__(self) -> None:
         exactly(self.poses, len(self.names) * 7 * 8, "poses")
@@ -42,15 +42,16 @@ class Bodies(BusMessage, frozen=True):
 
 
 class TruePoints(BusMessage, frozen=True):
-    """What a LiDAR's cloud would be without any error, if all of it were measured at once."""
+    """True points of a LiDAR cloud, without errors and as if measured at one instant."""
 
     stamp_nanos: int
-    """That of the cloud."""
+    """Stamp of the cloud."""
 
     frame: str
     points: memoryview
-    """`TRUE_POINT` records, one for each point of the cloud, in its order: the points where their
-    rays met a surface, as that surface stands at the stamp, in the sensor's frame at the stamp."""
+    """`TRUE_POINT` records, one for each point of the cloud, in the same order. A point is where
+    its ray met a surface, moved with that surface to the stamp, in the sensor's frame at the
+    stamp."""
 
     def __post_init__(self) -> None:
         whole(self.points, TRUE_POINT.itemsize, "points")

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of the bus that hold pictures and distances: cameras, planar scanners, range finders.
+"""Messages with pictures and distances: cameras, planar scanners and range finders.
 
-Rule: the fields of the ROS types in the words of the bus, with their units; the same rules as in
-`messages`. What follows from other fields (a scan's last angle) is no field. Pixels are as their
-encoding says; nothing here looks into them.
+They have the fields of the ROS types, with units in the names. Values that follow from other
+fields, such as the last angle of a scan, are left out. The encoding field defines the pixels; this
+module does not interpret them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class Image(Reading, frozen=True):
     """An uncompressed image of a camera (sensor_msgs/Image)."""
 
     stamp_nanos: int
-    """When the exposure began."""
+    """Start of the exposure."""
 
     frame: str
     """Optical frame: x right, y down, z forward."""
@@ -33,7 +33,7 @@ class Image(Reading, frozen=True):
 
     row_bytes: Uint32
     data: memoryview
-    """`height` rows of `row_bytes` bytes."""
+    """`height` rows of `row_bytes` bytes each."""
 
     def __post_init__(self) -> None:
         exactly(self.data, self.height * self.row_bytes, "data")
@@ -47,17 +47,17 @@ class CompressedImage(Reading, frozen=True):
     """Optical frame: x right, y down, z forward."""
 
     format: str
-    """`jpeg` or `png`, or as image_transport says it: `rgb8; jpeg compressed bgr8`."""
+    """`jpeg` or `png`, or in the form of image_transport: `rgb8; jpeg compressed bgr8`."""
 
     data: memoryview
     """The compressed file."""
 
 
 class CameraInfo(Reading, frozen=True):
-    """How a camera maps points to pixels (sensor_msgs/CameraInfo), of the full resolution."""
+    """Calibration of a camera at full resolution (sensor_msgs/CameraInfo)."""
 
     stamp_nanos: int
-    """That of the image that it goes with."""
+    """Stamp of the image that the calibration belongs to."""
 
     frame: str
     height: Uint32
@@ -66,16 +66,16 @@ class CameraInfo(Reading, frozen=True):
     """`plumb_bob`, `rational_polynomial` or `equidistant`."""
 
     distortion: memoryview
-    """D: float64, as many as the model has."""
+    """D: float64, the coefficients of the distortion model."""
 
     intrinsic: memoryview
-    """K: float64, 3 x 3, row after row, pixels."""
+    """K: float64, 3 x 3, row-major, in pixels."""
 
     rectification: memoryview
-    """R: float64, 3 x 3, row after row."""
+    """R: float64, 3 x 3, row-major."""
 
     projection: memoryview
-    """P: float64, 3 x 4, row after row, pixels."""
+    """P: float64, 3 x 4, row-major, in pixels."""
 
     def __post_init__(self) -> None:
         whole(self.distortion, 8, "distortion")
@@ -85,31 +85,32 @@ class CameraInfo(Reading, frozen=True):
 
 
 class LaserScan(Reading, frozen=True):
-    """One sweep of a planar laser scanner (sensor_msgs/LaserScan)."""
+    """A sweep of a planar laser scanner (sensor_msgs/LaserScan)."""
 
     stamp_nanos: int
-    """The first ray."""
+    """Time of the first ray."""
 
     frame: str
-    """Angles are about its z, from x, counter-clockwise."""
+    """Sensor frame. Angles are about its z axis, counterclockwise from x."""
 
     angle_min_rad: float
     angle_increment_rad: float
-    """Negative where the head turns clockwise: rays are in the order of time."""
+    """Angle between rays, in order of time; negative if the head turns clockwise."""
 
     time_increment_s: float
-    """From one ray to the next."""
+    """Time between two rays."""
 
     scan_time_s: float
-    """From one scan to the next."""
+    """Time between two scans."""
 
     min_range_m: float
     max_range_m: float
     ranges_m: memoryview
-    """float32, one a ray; -inf nearer than the least, +inf where nothing came back (REP 117)."""
+    """float32, one value per ray; -inf below the smallest range, +inf without a return (REP 117).
+    """
 
     intensities: memoryview
-    """float32, one a ray, or none at all."""
+    """float32, one value per ray, or empty."""
 
     def __post_init__(self) -> None:
         whole(self.ranges_m, 4, "ranges_m")
@@ -118,20 +119,21 @@ class LaserScan(Reading, frozen=True):
 
 
 class Range(Reading, frozen=True):
-    """One distance of an ultrasonic or infrared range finder (sensor_msgs/Range)."""
+    """A distance measured by an ultrasonic or infrared range finder (sensor_msgs/Range)."""
 
     stamp_nanos: int
     frame: str
-    """The beam leaves along its x."""
+    """Sensor frame. The beam points along its x axis."""
 
     radiation: Literal["ultrasound", "infrared"]
     field_of_view_rad: float
-    """Of the cone in which the distance may have been met."""
+    """Full angle of the cone in which the distance was measured."""
 
     min_range_m: float
     max_range_m: float
     range_m: float
-    """-inf nearer than the least, +inf for nothing met, NaN for a failed measurement (REP 117)."""
+    """-inf below the smallest range, +inf without a return, NaN for a failed measurement (REP 117).
+    """
 
     variance_m2: float
-    """0 where it is unknown."""
+    """Variance; 0 if unknown."""

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Missing readings: gaps that a sensor's process reports with their cause.
 
-Each reading that is due by its `ReadingSchedule` is either published or in one gap. Readings that a
-fault takes away on purpose are reported too, under the kind of the fault, so that sums add up.
+Each reading that is due by its `ReadingSchedule` is either published or in exactly one gap.
+Readings that a fault suppresses are reported too, with the kind of the fault as their cause.
+Published and missing readings therefore add up to the readings due.
 """
 
 from __future__ import annotations
@@ -37,50 +38,50 @@ CAUSES: Mapping[Cause, str] = {
     "off": "taken away by a fault of this kind",
     "rate_change": "taken away by a fault of this kind",
 }
-"""What each cause means."""
+"""Description of each cause."""
 
 assert set(CAUSES) == set(get_args(Cause))
 
 COUNTER_PREFIX = "gap_"
-"""Of the counters of a sensor that say how many readings are missing by a cause."""
+"""Prefix of a sensor's health counters for missing readings; the cause follows."""
 
 
 class MissingSpan(Struct, frozen=True):
-    """Readings that follow one another and are missing for one cause."""
+    """Consecutive readings that are missing for the same cause."""
 
     cause: Cause
     first_nanos: int
-    """Stamp that the first of them would have."""
+    """Stamp of the first missing reading."""
 
     last_nanos: int
-    """That of the last one."""
+    """Stamp of the last missing reading."""
 
     readings: int
-    """How many they are; of a sensor with several streams, on each of them."""
+    """Number of missing readings on each of the streams."""
 
     outputs: tuple[str, ...]
-    """The streams that lack them, by name as in `topics.sensor_outputs`."""
+    """Streams with missing readings, by name as in `topics.sensor_outputs`."""
 
 
 class MissingReadings(BusMessage, frozen=True):
-    """What of a sensor's readings turned out to be missing since it told the last time."""
+    """Missing readings of a sensor since its last report."""
 
     stamp_nanos: int
-    """The instant up to which the sensor has looked."""
+    """Instant up to which readings were checked."""
 
     sensor: str
-    """vehicle/sensor."""
+    """Name as vehicle/sensor."""
 
     gaps: tuple[MissingSpan, ...]
 
 
 def counters_of(missing: Mapping[Cause, int]) -> dict[str, int]:
-    """Return the counters by which a process's health tells what is missing."""
+    """Return missing readings by cause as health counters."""
     return {COUNTER_PREFIX + cause: count for cause, count in missing.items()}
 
 
 def parted(counters: Mapping[str, int]) -> tuple[dict[str, int], dict[str, int]]:
-    """Return what a process's counters tell of missing readings, by cause, and the others."""
+    """Split health counters into missing readings by cause and all others."""
     missing = {
         name.removeprefix(COUNTER_PREFIX): count
         for name, count in counters.items()

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of the bus that say where things are: poses, odometry, maps, transforms, joints, fixes.
+"""Messages with poses, odometry, maps, transforms, joint states and satellite fixes.
 
-Rule: the fields of the ROS types in the words of the bus, with their units; the same rules as in
-`messages`. Of a covariance all 36 or 9 numbers travel; 0 in all of them stands for unknown. A truth
-without errors has zeros too.
+They have the fields of the ROS types, with units in the names. A covariance has all 36 or 9 values;
+all zeros mean unknown. Ground truth without errors has zeros too.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ COVARIANCE_6X6_BYTES = 36 * 8
 
 
 class PoseStamped(BusMessage, frozen=True):
-    """A pose at an instant (geometry_msgs/PoseStamped): frame_from_what-it-is-the-pose-of."""
+    """A pose of a body in `frame` at an instant (geometry_msgs/PoseStamped)."""
 
     stamp_nanos: int
     frame: str
@@ -30,24 +29,24 @@ class PoseStamped(BusMessage, frozen=True):
 
 
 class Odometry(Reading, frozen=True):
-    """Where a body is and how it moves (nav_msgs/Odometry)."""
+    """Pose and velocity of a body (nav_msgs/Odometry)."""
 
     stamp_nanos: int
     frame: str
-    """The pose is expressed in it: frame_from_child."""
+    """Frame of the pose: frame_from_child."""
 
     child_frame: str
-    """The velocities are expressed in it."""
+    """Frame of the velocities."""
 
     position_m: Vector3
     orientation: Quaternion
     linear_mps: Vector3
     angular_radps: Vector3
     pose_covariance: memoryview
-    """float64, 6 x 6, row after row: x, y, z (m), then turns about x, y, z (rad)."""
+    """float64, 6 x 6, row-major: x, y, z (m), rotations about x, y, z (rad)."""
 
     twist_covariance: memoryview
-    """float64, 6 x 6, row after row, in the same order."""
+    """float64, 6 x 6, row-major, in the same order."""
 
     def __post_init__(self) -> None:
         exactly(self.pose_covariance, COVARIANCE_6X6_BYTES, "pose_covariance")
@@ -55,37 +54,37 @@ class Odometry(Reading, frozen=True):
 
 
 class OccupancyGrid(BusMessage, frozen=True):
-    """A map of what is occupied (nav_msgs/OccupancyGrid)."""
+    """Occupancy map (nav_msgs/OccupancyGrid)."""
 
     stamp_nanos: int
     frame: str
     loaded_nanos: int
-    """When the map was made, as its maker says."""
+    """Time at which the map was made, according to its publisher."""
 
     resolution_m: float
-    """Edge of a cell."""
+    """Edge length of a cell."""
 
     width: Uint32
-    """Cells along x."""
+    """Number of cells along x."""
 
     height: Uint32
-    """Cells along y."""
+    """Number of cells along y."""
 
     origin_position_m: Vector3
-    """Of the outer corner of cell (0, 0)."""
+    """Position of the outer corner of cell (0, 0)."""
 
     origin_orientation: Quaternion
-    """frame_from_map."""
+    """Orientation of frame_from_map."""
 
     cells: memoryview
-    """int8, row after row along x: 0..100 percent occupied, -1 unknown."""
+    """int8, row-major along x: 0..100 percent occupied, -1 unknown."""
 
     def __post_init__(self) -> None:
         exactly(self.cells, self.width * self.height, "cells")
 
 
 class Transform(Struct, frozen=True):
-    """parent_from_child at an instant."""
+    """Transform parent_from_child at an instant."""
 
     stamp_nanos: int
     parent: str
@@ -101,24 +100,24 @@ class Transforms(BusMessage, frozen=True):
 
     @property
     def stamp_nanos(self) -> int:
-        """The instant of the newest."""
+        """Stamp of the newest transform."""
         return max(transform.stamp_nanos for transform in self.transforms)
 
 
 class JointState(BusMessage, frozen=True):
-    """The state of some joints (sensor_msgs/JointState); what is unknown is empty."""
+    """State of joints (sensor_msgs/JointState). A quantity that is unknown is empty."""
 
     stamp_nanos: int
     frame: str
     names: tuple[str, ...]
     positions: memoryview
-    """float64, one a joint: rad, or m for sliding ones."""
+    """float64, one value per joint: rad, or m for prismatic joints."""
 
     velocities: memoryview
-    """float64, one a joint: rad/s or m/s."""
+    """float64, one value per joint: rad/s or m/s."""
 
     efforts: memoryview
-    """float64, one a joint: N m or N."""
+    """float64, one value per joint: N m or N."""
 
     def __post_init__(self) -> None:
         for field in ("positions", "velocities", "efforts"):
@@ -135,11 +134,11 @@ class Text(BusMessage, frozen=True):
 
 
 class NavSatFix(Reading, frozen=True):
-    """A position by satellites (sensor_msgs/NavSatFix), WGS 84."""
+    """A satellite position, WGS 84 (sensor_msgs/NavSatFix)."""
 
     stamp_nanos: int
     frame: str
-    """Of the antenna."""
+    """Frame of the antenna."""
 
     status: Annotated[int, Meta(ge=-2, le=2)]
     """sensor_msgs/NavSatStatus: -2 unknown, -1 no fix, 0 fix, 1 satellite, 2 ground augmented."""
@@ -148,17 +147,17 @@ class NavSatFix(Reading, frozen=True):
     """Sum of 1 GPS, 2 GLONASS, 4 BeiDou, 8 Galileo."""
 
     latitude_deg: float
-    """As the two below, NaN where there is no fix."""
+    """NaN without a fix, as the two fields below."""
 
     longitude_deg: float
     altitude_m: float
-    """Above the ellipsoid."""
+    """Height above the ellipsoid."""
 
     position_covariance_m2: memoryview
-    """float64, 3 x 3, row after row: east, north, up."""
+    """float64, 3 x 3, row-major: east, north, up."""
 
     covariance_type: Annotated[int, Meta(ge=0, le=3)]
-    """0 unknown, 1 approximated, 2 the diagonal is known, 3 known."""
+    """0 unknown, 1 approximated, 2 diagonal known, 3 known."""
 
     def __post_init__(self) -> None:
         exactly(self.position_covariance_m2, 9 * 8, "position_covariance_m2")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Schedules of readings: exact arithmetic from the number of a reading to its stamp and back.
+"""Schedules of readings: exact conversion between reading numbers and stamps.
 
-The model that makes a reading, the process that misses it and the report that counts it use the
-same schedule. Faults, delays and failures do not change which readings are due.
+The model that makes a reading, the process that reports it missing and the report that counts it
+use the same schedule. Faults, delays and failures do not change which readings are due.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from groundlink.core.clock import Schedule
 
 
 class ReadingSchedule(Protocol):
-    """The readings of one sensor, numbered on the run's time line."""
+    """Schedule of the readings of one sensor, numbered on the run's time line."""
 
     first: int
-    """The first one that it can make of a run, which begins at tick 0."""
+    """First possible reading of a run, which begins at tick 0."""
 
     def nanos(self, reading: int) -> int:
         """Return the stamp of a reading, as sim time."""
@@ -27,7 +27,7 @@ class ReadingSchedule(Protocol):
 
 
 class Events:
-    """Readings at the events of a rate (a `ReadingSchedule`)."""
+    """Schedule of readings at a fixed rate (a `ReadingSchedule`)."""
 
     def __init__(self, rate_hz: float, first: int = 0) -> None:
         self._schedule = Schedule.at(rate_hz)
@@ -51,32 +51,32 @@ class TurningHead(Protocol):
 
     @property
     def firings_per_revolution(self) -> int:
-        """Firings of a whole turn, those outside the view among them."""
+        """Firings of a full revolution, including those outside the field of view."""
 
     @property
     def firings_in_view(self) -> int:
-        """Firings of a revolution that happen."""
+        """Firings of a revolution within the field of view."""
 
     @property
     def blocks_per_revolution(self) -> int:
-        """Messages of a revolution."""
+        """Messages per revolution."""
 
 
 class Blocks:
-    """The blocks in which a turning head's revolutions are sent (a `ReadingSchedule`).
+    """Schedule of the blocks of a rotating head's revolutions (a `ReadingSchedule`).
 
-    Blocks are counted from the run's start, as revolutions are; a whole revolution is the only
-    block of itself. A block is stamped with its first firing.
+    Blocks are numbered from the run's start, as revolutions are. A revolution that is not divided
+    has one block. The stamp of a block is the time of its first firing.
 
     Attributes
     ----------
     per_revolution, firings_per_turn : int
-        Blocks of a revolution; firings of one, those outside the view among them.
+        Blocks per revolution; firings per revolution, including those outside the field of view.
     first_firings : list of int
-        Where each block of the revolution begins, and at last the number of firings. Where these
-        are no multiple of the blocks, some blocks have one more than others.
+        First firing of each block of a revolution, followed by the number of firings. If the
+        firings do not divide evenly, some blocks have one more than others.
     firing_times : Schedule
-        Of all these firings.
+        Times of all these firings.
     """
 
     first = 0

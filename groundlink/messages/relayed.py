@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a vehicle's stack tells by ROS and the bus only passes on, for whoever knows its type.
+"""Relayed message: a message of a vehicle's stack that the bus carries as ROS CDR.
 
-Rule: the message is the CDR that ROS sent, read once to see that it is one (`groundlink.ros.cdr`).
+`groundlink.ros.cdr` checks that the CDR is a valid message of its type.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from .base import BusMessage
 
 
 class Relayed(BusMessage, frozen=True):
-    """A ROS 2 message as it came."""
+    """A ROS 2 message, unchanged."""
 
     stamp_nanos: int
-    """The run's time when it came; what its maker stamps is in it."""
+    """Run time of its arrival. The stamp of its publisher is in the message."""
 
     ros_type: str
-    """Such as nav_msgs/msg/Path."""
+    """ROS type, such as nav_msgs/msg/Path."""
 
     cdr: memoryview
-    """Encapsulation header included."""
+    """CDR with its encapsulation header."""

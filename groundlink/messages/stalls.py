@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stalls of a run: which processes delayed it and for how long, as counters of physics.
 
-Counters are integers by name; only this module knows the names of stalls.
+Counters are integers by name. The names of stall counters are private to this module.
 """
 
 from __future__ import annotations
@@ -10,30 +10,32 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 _SILENT_NOW, _SILENT, _STRETCHED = "silent_now ", "silent_ms ", "stretched_ms "
-"""Prefixes of process names. The counter of a process that is silent now is 1."""
+"""Prefixes of the counters; a process name follows. The counter of a process that is silent now is
+1."""
 
 _BEHIND = "behind_ms"
 
 _SHOWN_SECONDS = 0.05
-"""Shorter times are not shown in a line."""
+"""Shorter times are left out of a line of text."""
 
 
 @dataclass(frozen=True)
 class Stalls:
-    """Stalls of a run so far."""
+    """Stalls of a run up to now."""
 
     silent_now: tuple[str, ...] = ()
     """Processes that physics has waited for longer than the scenario's `deadline_s`."""
 
     silent_seconds: Mapping[str, float] = field(default_factory=dict)
-    """Wall time of all such waits by process, current ones included."""
+    """Wall time of all such waits by process, including current ones."""
 
     stretched_seconds: Mapping[str, float] = field(default_factory=dict)
-    """Wall time lost by the process that physics waited for, or by physics itself. Includes time
-    that was recovered later."""
+    """Wall time by which each process delayed the run; physics itself can be one of them. Includes
+    time that was recovered later."""
 
     behind_seconds: float = 0.0
-    """Wall time still to recover: how far stamps are behind the wall clock because of stalls."""
+    """Wall time that is still to be recovered: how far stamps lag the wall clock because of stalls.
+    """
 
     def counters(self) -> dict[str, int]:
         """Return the stalls as counters."""
@@ -51,7 +53,7 @@ class Stalls:
 
     @classmethod
     def read(cls, counters: Mapping[str, int]) -> Stalls:
-        """Return the stalls from counters of physics; none from those of other processes."""
+        """Return the stalls from counters of physics; empty for counters of other processes."""
 
         def seconds(prefix: str) -> dict[str, float]:
             return {
@@ -64,7 +66,7 @@ class Stalls:
         return cls(tuple(seconds(_SILENT_NOW)), seconds(_SILENT), seconds(_STRETCHED), behind)
 
     def __str__(self) -> str:
-        """Return the stalls as a line; empty without stalls."""
+        """Return the stalls as a line of text; empty without stalls."""
         parts = []
         if self.silent_now:
             parts.append(f"silent: {', '.join(self.silent_now)}")
@@ -78,6 +80,6 @@ class Stalls:
 
 
 def by_name(seconds: Mapping[str, float]) -> str:
-    """Return seconds by process as text, the longest first."""
+    """Return seconds by process as text, longest first."""
     longest = sorted(seconds.items(), key=lambda item: -item[1])
     return ", ".join(f"{name} {value:.1f} s" for name, value in longest if value >= _SHOWN_SECONDS)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The message of the bus that tells what a vehicle's motors did and what it ran into.
+"""Vitals of a vehicle: motor energy, contacts and battery.
 
-Rule: sums since the run's start and events since the last message, as physics knows them; the same
-rules as in `messages`. What wheels do on the ground is no event.
+Energies are sums since the start of the run; contacts are those since the last message. Contact of
+wheels with the ground is not included.
 """
 
 from __future__ import annotations
@@ -15,45 +15,45 @@ VITALS_HZ = 10
 
 
 class Contact(Struct, frozen=True):
-    """A thing that a vehicle touched since the last message."""
+    """An object that a vehicle touched since the last message."""
 
     name: str
-    """Of the solid of the world, or of the other vehicle."""
+    """Name of the solid, or of the other vehicle."""
 
     force_n: float
-    """The largest normal force of one contact point in one tick."""
+    """Largest normal force of a contact point in one tick."""
 
     tick: int
-    """When that was."""
+    """Tick of the largest force."""
 
     ticks: int
-    """In how many ticks it was touched."""
+    """Number of ticks with contact."""
 
 
 class BatteryState(Struct, frozen=True):
-    """What is in a vehicle's battery and what it gives."""
+    """Charge, voltage and current of a vehicle's battery."""
 
     charge: float
-    """0..1, of its capacity."""
+    """State of charge, 0..1."""
 
     voltage_v: float
     current_a: float
 
 
 class Vitals(BusMessage, frozen=True):
-    """Energy and contacts of one vehicle, 10 a second of sim time."""
+    """Energy and contacts of a vehicle, 10 times per second of sim time."""
 
     stamp_nanos: int
     vehicle: str
     tick: int
     motor_work_j: float
-    """Mechanical work of the motors since the start, where they drive."""
+    """Mechanical work of the motors in drive since the start."""
 
     braked_j: float
-    """Mechanical work that they took up since the start, where they brake; positive."""
+    """Mechanical work that the motors absorbed in braking since the start; positive."""
 
     contacts: tuple[Contact, ...]
-    """In the order of first touch."""
+    """Contacts in the order of the first touch."""
 
     battery: BatteryState | None = None
-    """None: the vehicle's model has none."""
+    """Battery; none if the vehicle's model has no battery."""

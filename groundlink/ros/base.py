@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the driver of a real base tells ROS beside its sensors: joint states, tf, its description.
+"""Base driver of a vehicle for ROS: joint states, tf and robot description.
 
-Rule: made of what the vehicle's sensors say, with their stamps and errors, and of the scenario;
-never of the truth, but for `map: truth`, which is asked for. Messages of the bus go in, messages of
-ROS's words come out; nothing of this is on the bus. Of several encoders or odometries of a vehicle
-the first counts, for a frame has one parent and a joint one angle.
+Its messages are made from the vehicle's sensor readings, with their stamps and errors, and from the
+scenario. Ground truth is used only for `map: truth`. Bus messages are the input and ROS messages
+the output; the output is not on the bus. If a vehicle has several encoders or wheel odometries,
+only the first is used, since a frame has one parent and a joint one angle.
 """
 
 from __future__ import annotations
@@ -32,26 +32,26 @@ from .tf_tree import TopFromTruth, stamped
 S = TypeVar("S")
 
 MAP_FRAME, ODOM_FRAME = "map", "odom"
-"""REP 105's."""
+"""Frame names of REP 105."""
 
 JOINT_STATES, DESCRIPTION = "joint_states", "robot_description"
-"""Topics in a vehicle's namespace."""
+"""Topic names in a vehicle's namespace."""
 
 POSSIBLE = 2.0
-"""Times what a wheel can turn at most; a faster step is a counter that was reset."""
+"""Factor on the largest possible wheel speed. A faster change of a counter is a counter reset."""
 
 
 class Told(NamedTuple):
-    """Something for ROS."""
+    """Message for ROS, with its topic and instant."""
 
     topic: str
     message: BusMessage
     nanos: int
-    """The instant that it is of, on the run's time line."""
+    """Instant of the message on the run's time line."""
 
 
 class BaseTopic(NamedTuple):
-    """A topic that something is told on."""
+    """Topic of the base driver, with message type and rate."""
 
     topic: str
     message: type[BusMessage]
@@ -59,7 +59,7 @@ class BaseTopic(NamedTuple):
 
 
 class Base:
-    """The base of one vehicle."""
+    """Base driver of one vehicle."""
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, run: str) -> None:
         self._vehicle = vehicle
@@ -67,10 +67,10 @@ class Base:
         odometry = _first(vehicle, WheelOdometry) if vehicle.tf.odom else None
         self._joints_topic = f"{vehicle.namespace}/{JOINT_STATES}"
         self.places: list[BaseTopic] = []
-        """What is told when messages of the bus come; the description is not among them."""
+        """Topics of the messages that follow from bus messages, without the robot description."""
 
         self.keys: dict[str, str] = {}
-        """Of the bus's messages that are listened to, by what they are to this."""
+        """Keys of the bus topics that the driver subscribes to, by role."""
 
         if self._encoders is not None:
             key = SENSOR_TOPICS["encoders"].key_in(
@@ -101,21 +101,21 @@ class Base:
         self.description = urdf(
             vehicle.model, mounts(vehicle, 0), self._turning(), scenario.world.materials
         )
-        """The vehicle's URDF."""
+        """Robot description of the vehicle as URDF."""
 
         self.restart()
 
     def restart(self) -> None:
-        """Forget what was heard: an episode of the run has begun."""
+        """Reset the state at the start of an episode."""
         self._last: tuple[int, Floats] | None = None
         self._from_truth.restart()
 
     def hear(self, key: str, message: BusMessage) -> Iterator[Told]:
-        """Yield what follows from a message of the bus."""
+        """Yield the ROS messages that follow from a message of the bus."""
         role = self._roles.get(key)
         if role == "encoders" and isinstance(message, WheelEncoders):
             if len(message.ticks) != len(self._vehicle.model.counted):
-                return  # of a replayed run, or a stranger's
+                return  # The reading is from a replayed run or another publisher.
             yield Told(self._joints_topic, self._joint_state(message), measured_nanos(message))
         elif role == "joints" and isinstance(message, JointState):
             yield Told(self._joints_topic, replace(message, frame=""), message.stamp_nanos)
@@ -131,13 +131,13 @@ class Base:
                     yield Told(TF_TOPIC, Transforms((transform,)), nanos)
 
     def fixed(self, stamp_nanos: int) -> tuple[Transform, ...]:
-        """Return the transforms above `odom` that never change."""
+        """Return the static transforms above `odom`."""
         prefix = self._vehicle.frame_prefix
         odometry = _first(self._vehicle, WheelOdometry)
         if self._vehicle.tf.map == "truth":
             still = (stamp_nanos, WORLD_FRAME, MAP_FRAME)
         elif self._vehicle.tf.map == "identity":
-            # A vehicle without wheel odometry may have another, such as that of a LiDAR.
+            # A vehicle without wheel odometry may have another odometry, such as that of a LiDAR.
             frame = odometry.frame if odometry else ODOM_FRAME
             still = (stamp_nanos, prefix + MAP_FRAME, prefix + frame)
         else:
@@ -145,13 +145,13 @@ class Base:
         return (stamped(*still, (0.0, 0.0, 0.0), IDENTITY_QUATERNION),)
 
     def _turning(self) -> list[str]:
-        """Return the wheels whose angles the encoders tell."""
+        """Return the wheels whose angles the encoders measure."""
         model = self._vehicle.model
         counted = model.counted if self._encoders is not None else ()
         return [model.wheels[i].name for shaft in counted for i in shaft.wheels]
 
     def _joint_state(self, message: WheelEncoders) -> JointState:
-        """Return the angle and speed of each wheel on a shaft that is counted."""
+        """Return the angle and speed of each wheel on a shaft with an encoder."""
         spec, model = self._encoders, self._vehicle.model
         assert spec is not None
         radians_per_tick = 2 * math.pi / spec.ticks_per_wheel_revolution
@@ -160,7 +160,7 @@ class Base:
             sign = -1 if shaft.name in spec.reversed_wheels else 1
             since = (ticks - spec.start_ticks + 2**63) % 2**64 - 2**63
             for i in shaft.wheels:
-                # Wheels of a track roll equally fast, whatever their radii.
+                # Wheels of a track roll at the same speed, whatever their radii.
                 gear = shaft.radius_m / model.wheels[i].radius_m
                 angles.append(sign * since * radians_per_tick * gear)
         now, speeds = np.array(angles), np.zeros(len(angles))
@@ -188,17 +188,17 @@ class Base:
 
 
 class TrueTree:
-    """Where a vehicle's tree truly is: `world` to its topmost frame, on a topic of its own.
+    """True transform from `world` to the topmost frame of a vehicle's tree, on a separate topic.
 
-    Only a recording and a viewer have it. Its frames chain with those of `/tf`, and none of them
-    gets a second parent: base_link has the parent that ROS was told.
+    Only recordings and viewers have it. It extends the tree of `/tf` at the top, so that no frame
+    gets a second parent; base_link keeps the parent that it has in ROS.
     """
 
     def __init__(self, vehicle: Vehicle, run: str) -> None:
         odometry = _first(vehicle, WheelOdometry) if vehicle.tf.odom else None
         self._roles: dict[str, str] = {}
         self.places: list[BaseTopic] = []
-        """What is told; nothing where `/tf` has `world` already."""
+        """Topics of the messages; empty if `/tf` includes `world` already."""
 
         if vehicle.tf.map != "truth":
             self._roles[GROUND_TRUTH.key_in(run, vehicle=vehicle.name)] = "truth"
@@ -215,11 +215,11 @@ class TrueTree:
         )
 
     def restart(self) -> None:
-        """Forget what was heard."""
+        """Reset the state at the start of an episode."""
         self._from_truth.restart()
 
     def hear(self, key: str, message: BusMessage) -> Iterator[Told]:
-        """Yield what follows from a message of the bus."""
+        """Yield the ROS messages that follow from a message of the bus."""
         role = self._roles.get(key)
         if role is not None and isinstance(message, Odometry):
             for nanos, transform in self._from_truth.hear(role, message):
@@ -227,12 +227,12 @@ class TrueTree:
 
 
 class Bases:
-    """The bases of a run: all that ROS gets beside the run's streams.
+    """Base drivers of all vehicles of a run.
 
     Parameters
     ----------
     truth
-        whether to tell on `TRUE_TF_TOPIC` where they are, too, which no gateway does.
+        whether to publish the true tree on `TRUE_TF_TOPIC` as well; gateways never do.
     """
 
     def __init__(self, scenario: Scenario, run: str, *, truth: bool = False) -> None:
@@ -241,26 +241,26 @@ class Bases:
         trees = [TrueTree(vehicle, run) for vehicle in scenario.vehicles if truth]
         self._tellers: list[Base | TrueTree] = [*self._bases, *trees]
         self.places = [place for teller in self._tellers for place in teller.places]
-        """What is told when messages of the bus come."""
+        """Topics of the messages that follow from bus messages."""
 
         self.latched: dict[str, type[BusMessage]] = {
             TF_STATIC_TOPIC: Transforms,
             **{base.description_topic: Text for base in self._bases},
         }
-        """By topic: what `still` tells, at most."""
+        """Message types of latched topics: all topics that `still` can publish."""
 
     def hear(self, key: str, message: BusMessage) -> Iterator[Told]:
-        """Yield what follows from a message of the bus."""
+        """Yield the ROS messages that follow from a message of the bus."""
         for teller in self._tellers:
             yield from teller.hear(key, message)
 
     def restart(self) -> None:
-        """Forget what was heard: an episode of the run has begun."""
+        """Reset the state at the start of an episode."""
         for teller in self._tellers:
             teller.restart()
 
     def still(self, stamp_nanos: int) -> Iterator[Told]:
-        """Yield what never changes."""
+        """Yield the latched messages: static transforms and robot descriptions."""
         if transforms := still_transforms(self._scenario, self._bases, stamp_nanos):
             yield Told(TF_STATIC_TOPIC, transforms, stamp_nanos)
         for base in self._bases:
@@ -269,7 +269,7 @@ class Bases:
 
 
 def still_transforms(scenario: Scenario, bases: list[Base], stamp_nanos: int) -> Transforms | None:
-    """Return what never changes of the tf tree: mounts of sensors, and where maps are."""
+    """Return the static transforms: sensor mounts, and the frames above `odom`."""
     of_sensors = static_transforms(scenario, stamp_nanos)
     rows = list(of_sensors.transforms) if of_sensors else []
     rows += dict.fromkeys(row for base in bases for row in base.fixed(stamp_nanos))
@@ -277,7 +277,7 @@ def still_transforms(scenario: Scenario, bases: list[Base], stamp_nanos: int) ->
 
 
 def made_topics(scenario: Scenario) -> set[str]:
-    """Return the topics of all that is made here, whether a scenario has it or not."""
+    """Return all topics that base drivers can publish, whether or not the scenario needs them."""
     of_vehicles = (
         f"{vehicle.namespace}/{name}"
         for vehicle in scenario.vehicles
@@ -287,12 +287,12 @@ def made_topics(scenario: Scenario) -> set[str]:
 
 
 def is_latched(topic: str) -> bool:
-    """Return whether a topic is told once, and kept for subscribers that come late."""
+    """Return whether a topic is latched: published once, and kept for late subscribers."""
     return topic == TF_STATIC_TOPIC or topic.endswith(f"/{DESCRIPTION}")
 
 
 def _top(vehicle: Vehicle, odometry: WheelOdometry | None) -> str:
-    """Return the topmost frame of what a vehicle tells of its tree, where nobody tells its map."""
+    """Return the topmost frame of a vehicle's tree, if no ground truth is used for its map."""
     if odometry is None:
         return vehicle.frame_prefix + vehicle.model.base_frame
     frame = MAP_FRAME if vehicle.tf.map == "identity" else odometry.frame

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Table of all codecs, and messages of the bus to and from CDR bytes.
+"""Table of all codecs, and conversion between bus messages and CDR bytes.
 
-The gateway, recorder, replay and viewer share this table. Messages that sensor kinds bring along
-are in it as soon as their kinds are installed.
+The gateway, recorder, replay and viewer share this table. It includes the messages that installed
+sensor kinds define.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from .types import STORE, TYPES
 Body = bytes | bytearray | memoryview
 
 Reader = Callable[[Body, int], BusMessage]
-"""From a body and the run's time to a message of the bus. Raises BadBusMessage."""
+"""Converts a body and the run's time to a message of the bus. Raises BadBusMessage."""
 
 _FAMILIES = (motion, points, imagery, navigation, ground_truth, vitals, faults, missing_readings)
 
 
 def _of_kinds() -> list[Codec[Any]]:
-    """Return the codecs of messages that sensor kinds bring along."""
+    """Return the codecs of the messages that sensor kinds define."""
     support = chain.from_iterable(kind.messages.values() for kind in sensor_kinds().values())
     return [load_reference(own.codec) for own in support]
 
@@ -62,17 +62,17 @@ ROS_CODECS = {message: codec for message, codec in CODECS.items() if not codec.r
 
 
 def ros_type_of(message: type[BusMessage], told: str = "") -> str:
-    """Return the ROS type of a stream's messages; `told` is the type of relayed ones."""
+    """Return the ROS type of a stream's messages; `told` is the type of relayed messages."""
     return told if message is Relayed else CODECS[message].ros_type
 
 
 def to_cdr(message: BusMessage) -> memoryview:
-    """Return a message as its ROS type's CDR, encapsulation header included.
+    """Return a message as CDR of its ROS type, with the encapsulation header.
 
     Raises
     ------
     BadBusMessage
-        when a number is beyond what the ROS type holds: a stamp after 2038, a large float32.
+        when a number is out of range for the ROS type: a stamp after 2038, a large float32.
     """
     if isinstance(message, Relayed):
         return message.cdr
@@ -86,12 +86,12 @@ def to_cdr(message: BusMessage) -> memoryview:
 
 
 def from_cdr(cdr: bytes | memoryview, message_type: type[M], moment: Moment) -> M:
-    """Return the message that was encoded to this CDR. Bytes of strangers go to `READERS`.
+    """Return the bus message that was encoded to this CDR. Use `READERS` for untrusted CDR.
 
     Raises
     ------
     BadBusMessage
-        when it is no message of this type.
+        when the bytes are not a valid message of this type.
     """
     codec = CODECS[message_type]
     try:
@@ -121,15 +121,16 @@ READERS: dict[str, Reader] = {
         ("geometry_msgs/msg/TwistStamped", motion.read_twist_stamped),
     )
 }
-"""By ROS type: reads a stranger's body. Stamps are kept; numbers, sizes and names are checked."""
+"""Readers of untrusted bodies by ROS type. Stamps are kept; numbers, sizes and names are checked.
+"""
 
 
 def reader(message: type[BusMessage], ros_type: str) -> Reader:
-    """Return what reads bodies of a ROS type as messages of the bus of one type."""
+    """Return a function that reads bodies of a ROS type as bus messages of one type."""
     return partial(relayed, ros_type=ros_type) if message is Relayed else READERS[ros_type]
 
 
 def relayed(body: Body, now_nanos: int, *, ros_type: str) -> Relayed:
-    """Return a body unchanged, if it is a message of its type."""
+    """Return a body unchanged if it is a valid message of its type."""
     _decoded(body, ros_type)
     return Relayed(now_nanos, ros_type, memoryview(bytes(body)))

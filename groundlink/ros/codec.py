@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Codec: how one message type of the bus and its ROS type become each other.
+"""Codec: conversion between a message type of the bus and its ROS type.
 
-Each family of messages has a module with its codecs; `groundlink.ros.cdr` has the table of all.
-The checks at the end are for messages of strangers.
+Each family of messages has a module with its codecs; `groundlink.ros.cdr` has the table of all. The
+checks at the end are for messages from untrusted senders.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from groundlink.messages.base import BadBusMessage, M
 from .types import nanos
 
 MAX_NAME_BYTES = 234
-"""Longest name of a frame: what the header of a datagram holds."""
+"""Length limit of frame names: the space in the header of a datagram."""
 
 
 @dataclass(frozen=True)
 class Moment:
-    """Facts of a recorded message that its ROS type does not hold."""
+    """Facts of a recorded message that its ROS type does not contain."""
 
     nanos: int
-    """The run's time when it was recorded."""
+    """Run time of the recording."""
 
     epoch_nanos: int
 
 
 @dataclass(frozen=True)
 class Codec(Generic[M]):
-    """ROS type of one message type, with both directions."""
+    """ROS type of a message type, with both directions of the conversion."""
 
     message: type[M]
     ros_type: str
@@ -45,37 +45,38 @@ class Codec(Generic[M]):
     """Exact inverse of `encode`: encoding the result gives the same bytes."""
 
     read: Callable[[Any, int], M] | None = None
-    """Check a stranger's ROS message and return it, with the run's time for what has no stamp.
+    """Check a ROS message from an untrusted sender and return it as a bus message.
 
-    Raises BadBusMessage. None where ROS never sends this message.
+    Its second argument is the run's time, for messages without a stamp. Raises BadBusMessage. None
+    if ROS never sends this message.
     """
 
     recorded_only: bool = False
-    """The message is in recordings and never sent to ROS."""
+    """Whether the message is in recordings only and never sent to ROS."""
 
     definition: str = ""
-    """Definition of the ROS type (`.msg`), where it is no type of a ROS 2 distribution."""
+    """Definition of the ROS type (`.msg`), if no ROS 2 distribution has it."""
 
 
 def stamp_and_frame(ros: Any) -> tuple[int, str]:
-    """Return the stamp and frame of a recorded message's header."""
+    """Return the stamp and frame in the header of a recorded message."""
     return nanos(ros.header.stamp), ros.header.frame_id
 
 
 def checked_stamp_and_frame(header: Any) -> tuple[int, str]:
-    """Return the stamp and frame of a stranger's std_msgs/Header."""
+    """Check a received std_msgs/Header and return its stamp and frame."""
     return checked_nanos(header.stamp), checked_name(header.frame_id)
 
 
 def checked_nanos(time: Any) -> int:
-    """Return the nanoseconds of a stranger's builtin_interfaces/Time."""
+    """Check a received builtin_interfaces/Time and return its nanoseconds."""
     if time.nanosec >= NANOS:
         raise BadBusMessage(f"a time with {time.nanosec} ns")
     return nanos(time)
 
 
 def checked_name(name: str) -> str:
-    """Return the name of a stranger's frame or joint."""
+    """Check the received name of a frame or joint and return it."""
     if len(name.encode()) > MAX_NAME_BYTES or "\0" in name:
         raise BadBusMessage("a frame's name that no frame has")
     return name
@@ -88,7 +89,7 @@ def check_finite(*numbers: float) -> None:
 
 
 def checked_unit(quaternion: Quaternion) -> Quaternion:
-    """Return an orientation with unit length; ROS nodes write them with few digits."""
+    """Check a received orientation and normalize it; ROS nodes publish it with few digits."""
     length = math.hypot(*quaternion)
     if not 0.9 < length < 1.1:
         raise BadBusMessage(f"an orientation of length {length:.3g}; expected a unit quaternion")

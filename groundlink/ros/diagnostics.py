@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the processes of a run say about themselves, as diagnostic_msgs/DiagnosticArray.
+"""Health of the processes of a run as diagnostic_msgs/DiagnosticArray.
 
-Rule: a status for each process and one for each stream that a gateway reports; every field is a
-pair of text. Nothing is left out. The level is a warning where messages were lost or readings are
-missing.
+The array has a status for each process and for each stream that a gateway reports; every field is a
+key-value pair of text. The level is a warning if messages were lost or readings are missing.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 
 
 def diagnostics(stamp_nanos: int, healths: Iterable[Health]) -> memoryview:
-    """Return a DiagnosticArray in CDR of the latest word of every process."""
+    """Return a DiagnosticArray in CDR with the newest health report of every process."""
     statuses = []
     for health in healths:
         facts = msgspec.to_builtins(health)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor's faults as a ROS message of its standard types: diagnostic_msgs/DiagnosticArray.
+"""Codec of a sensor's faults as diagnostic_msgs/DiagnosticArray.
 
-Rule: one status, an error where a fault is in effect; each fault is a pair of text, its number and
-what a scenario says of it as JSON. So a recording plays where no message package of ours is built.
+The array has one status, with the level error if a fault is in effect. Each fault is a key-value
+pair: its number, and its fields as JSON. Recordings can therefore be played without the package
+groundlink_msgs.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from .statuses import ERROR, OK, status, the_only
 from .types import header, nanos
 
 FAULT_PREFIX = "fault "
-"""Before a fault's number in a pair's key."""
+"""Prefix of the keys of faults; the fault's number follows."""
 
 
 def faults(message: Faults) -> dict[str, Any]:
@@ -38,12 +39,12 @@ def faults(message: Faults) -> dict[str, Any]:
 
 
 def from_faults(array: Any) -> Faults:
-    """Return the faults that a DiagnosticArray was filled with.
+    """Return the faults in a DiagnosticArray that `faults` made.
 
     Raises
     ------
     ValueError
-        when it was not.
+        when the array has another form.
     """
     sensor, facts = the_only(array)
     if "tick" not in facts:

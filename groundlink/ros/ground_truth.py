@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The poses of all bodies as a ROS message of a standard type, and back: tf2_msgs/TFMessage.
+"""Codec of the poses of all bodies as tf2_msgs/TFMessage.
 
-Rule: a transform for each body, in the order of their numbers, all of one instant and out of the
-world. It is no part of the tf tree: no frame in it is a sensor's or a stack's.
+The message has a transform from the world for each body, in the order of body numbers, all with the
+same stamp. These transforms are not in the tf tree: their frames are neither a sensor's nor a
+stack's.
 """
 
 from __future__ import annotations

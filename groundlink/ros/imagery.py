@@ -14,7 +14,7 @@ from .codec import Codec, Moment, stamp_and_frame
 from .types import TYPES, array, float32, header
 
 _RADIATION = {"ultrasound": 0, "infrared": 1}
-"""sensor_msgs/Range's constants."""
+"""Radiation types of sensor_msgs/Range."""
 
 
 def _image(message: Image) -> dict[str, Any]:
@@ -48,7 +48,7 @@ def _compressed_image_of(ros: Any, moment: Moment) -> CompressedImage:
 
 
 def _camera_info(message: CameraInfo) -> dict[str, Any]:
-    # No binning, no region of interest.
+    # Binning and region of interest are not used.
     region = TYPES["sensor_msgs/msg/RegionOfInterest"]
     return {
         "header": header(message.stamp_nanos, message.frame),

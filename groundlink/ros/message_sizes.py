@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How large a sensor's messages get, and into how many datagrams the gateway cuts them.
+"""Estimate of message sizes and of the number of datagrams for each message.
 
-Rule: an estimate for people before a run, from the scenario alone: the largest message, as ROS
-takes it, and the plain cut of PROTOCOL.md without what repair and sealing add. The gateway's own
-cut is `udp_bridge.wire.fragments`, which nothing here imports; a test holds the two together.
+The estimate uses only the scenario, for checks before a run. It takes a sensor's largest message in
+CDR and the plain fragmentation of PROTOCOL.md, without the overhead of repair and encryption. The
+gateway uses `udp_bridge.wire.fragments`, which this module does not import; a test compares the
+two.
 """
 
 from __future__ import annotations
@@ -22,30 +23,30 @@ from groundlink.scenario.ros_side import GatewaySettings
 from groundlink.scenario.schema import Vehicle
 
 BLOCKS_DEG = (180, 120, 90, 72, 60, 45, 40, 36, 30, 24, 20, 15, 12, 10, 9, 8, 6, 5, 4, 3, 2.4, 2, 1)
-"""Azimuths that are offered to a LiDAR whose messages are too large."""
+"""Values of `block_deg` that are suggested for a LiDAR whose messages are too large."""
 
 _MTU, _LOOPBACK_PART, _LARGEST, _IP_FRAGMENT = 1472, 65280, 65507, 1480
 
 
 class Cut(NamedTuple):
-    """A message in datagrams."""
+    """Fragmentation of a message into datagrams."""
 
     body_bytes: int
     parts: int
     part_bytes: int
     datagram_bytes: int
-    """Of all parts but the last, header included."""
+    """Size of all datagrams but the last, including the header."""
 
     fits: bool
-    """Whether the scenario's datagram size suffices; if not, datagrams are larger."""
+    """Whether the scenario's datagram size is sufficient. If not, larger datagrams are used."""
 
 
 class NeverFits(ValueError):
-    """A message that fits at no datagram size; the text says how much would."""
+    """Error of a message that fits at no datagram size; the text gives the size needed."""
 
 
 def body_bytes(vehicle: Vehicle, sensor: SensorSpec, *, truth: bool = False) -> int:
-    """Return the bytes of a sensor's largest message in CDR, or of the truth behind it."""
+    """Return the CDR size of a sensor's largest message, or of the ground truth behind it."""
     with needs("gateway"):
         from groundlink.ros.cdr import to_cdr
     model = vehicle.model
@@ -61,12 +62,12 @@ def body_bytes(vehicle: Vehicle, sensor: SensorSpec, *, truth: bool = False) -> 
 def cut(
     vehicle: Vehicle, sensor: SensorSpec, gateway: GatewaySettings, *, truth: bool = False
 ) -> Cut:
-    """Return how a sensor's largest message is sent, or the truth behind it.
+    """Return the fragmentation of a sensor's largest message, or of the ground truth behind it.
 
     Raises
     ------
     NeverFits
-        when it is not, at any datagram size.
+        when the message fits at no datagram size.
     """
     size = body_bytes(vehicle, sensor, truth=truth)
     topic = (sensor.truth_topic if truth else None) or sensor.topic
@@ -89,13 +90,13 @@ def cut(
 def fitting_block_deg(
     vehicle: Vehicle, sensor: RotatingLidar, gateway: GatewaySettings
 ) -> float | None:
-    """Return the largest `block_deg` whose messages fit the scenario's datagrams, if any does."""
+    """Return the largest `block_deg` whose messages fit the scenario's datagrams, or None."""
     for block_deg in BLOCKS_DEG:
         try:
             in_blocks = replace(sensor, block_deg=float(block_deg))
             truths = {False, sensor.truth_topic is not None}
             if all(cut(vehicle, in_blocks, gateway, truth=truth).fits for truth in truths):
                 return block_deg
-        except ValueError:  # never fits, or is no part of the field of view
+        except ValueError:  # The block never fits, or does not divide the field of view.
             continue
     return None

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a sensor is missing as a ROS message of its standard types: diagnostic_msgs/DiagnosticArray.
+"""Codec of a sensor's missing readings as diagnostic_msgs/DiagnosticArray.
 
-Rule: one status, a warning; each gap is a pair of text, its number and itself as JSON. So a
-recording plays where no message package of ours is built.
+The array has one status with the level warning. Each gap is a key-value pair: its number, and its
+fields as JSON. Recordings can therefore be played without the package groundlink_msgs.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ def _encode(message: MissingReadings) -> dict[str, Any]:
 
 
 def from_missing_readings(array: Any) -> MissingReadings:
-    """Return the gaps that a DiagnosticArray was filled with.
+    """Return the missing readings in a DiagnosticArray of this codec.
 
     Raises
     ------
     ValueError
-        when it was not.
+        when the array has another form.
     """
     sensor, facts = the_only(array)
     found = tuple(msgspec.json.decode(value, type=MissingSpan) for value in facts.values())

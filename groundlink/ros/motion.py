@@ -52,14 +52,14 @@ def read_twist(ros: Any, now_nanos: int) -> Command:
 def read_twist_stamped(ros: Any, now_nanos: int) -> Command:
     """Return the velocity of a geometry_msgs/TwistStamped, valid from `now_nanos`.
 
-    The stamp is ignored: it may come from another clock than the run's.
+    The stamp is ignored, since it may come from another clock than the run's.
     """
     return read_twist(ros.twist, now_nanos)
 
 
 @lru_cache(maxsize=256)
 def diagonal(variance: float) -> np.ndarray[Any, Any]:
-    """Return the covariance of three independent axes, row after row, shape (9,)."""
+    """Return the covariance of three independent axes, row-major, shape (9,)."""
     covariance = np.diag(np.full(3, variance, np.float64)).ravel()
     covariance.setflags(write=False)
     return covariance

@@ -127,7 +127,7 @@ def _occupancy_grid_of(ros: Any, moment: Moment) -> OccupancyGrid:
 
 def _read_occupancy_grid(ros: Any, now_nanos: int) -> OccupancyGrid:
     info = ros.info
-    cells = np.asarray(ros.data, np.int8)  # any int8 is allowed
+    cells = np.asarray(ros.data, np.int8)  # Values beyond -1..100 are allowed.
     if info.width * info.height != cells.size:
         raise BadBusMessage(f"{info.width} x {info.height} cells are said, {cells.size} are there")
     position = xyz(info.origin.position)

@@ -14,7 +14,7 @@ from .codec import Codec, Moment, stamp_and_frame
 from .types import TYPES, header
 
 _FIELD_TYPES = {"<f4": 7, "<u2": 4, "<u4": 6}
-"""sensor_msgs/PointField's FLOAT32, UINT16 and UINT32."""
+"""Types of sensor_msgs/PointField: FLOAT32, UINT16 and UINT32."""
 
 _FIELDS = {
     record: [

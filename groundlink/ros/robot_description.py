@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A vehicle as a stack knows it: URDF text with what it looks like and where its sensors are.
+"""Robot description: URDF of a vehicle with its visuals, joints and sensor mounts.
 
-Rule: made of the scenario alone, so that no file travels with it, and not what physics steps: that
-has springs, and balls for wheels. Names are without the vehicle's `frame_prefix`, as URDF has no
-place for one: robot_state_publisher and RViz put it before them. A wheel turns where the vehicle's
-encoders tell its angle; others are fixed, so that no frame waits for an angle that nobody knows.
-Masses are left out, since KDL takes a base link that has one for a mistake; a mesh is its box.
+It is made from the scenario alone and needs no further files. It differs from the model in physics,
+which has springs and spherical wheels. Names are without the vehicle's `frame_prefix`, which URDF
+cannot express; robot_state_publisher and RViz add it. The joint of a wheel is continuous if the
+vehicle's encoders measure its angle, and otherwise fixed, so that no frame waits for an unknown
+angle. Masses are left out, since KDL does not support a root link with inertia. A mesh is replaced
+by its bounding box.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from groundlink.world.solids import Box, Cylinder, Material, Mesh, Shape, Solid,
 Element = ElementTree.Element
 
 _ACROSS = (0.5**0.5, 0.0, 0.0, 0.5**0.5)
-"""link_from_cylinder: a wheel's axle is the link's y, a cylinder's axis its z."""
+"""link_from_cylinder: the wheel's axle is y in the link; a cylinder's axis is its z."""
 
 
 def urdf(
@@ -41,9 +42,9 @@ def urdf(
     mounts
         parent_from_child of each sensor's frame, without prefix.
     turning
-        wheels whose angles are told, as joints of their names.
+        wheels with published angles, as joints of their names.
     materials
-        what the world has beside the model's own.
+        materials of the world, in addition to the model's own.
     """
     colors = model.materials | materials
     robot = Element("robot", name=model.name)
@@ -76,7 +77,7 @@ def urdf(
 
 
 def _wheel(robot: Element, base: str, wheel: Wheel, *, turns: bool) -> Element:
-    """Add a wheel, springs at their loaded rest; return its link."""
+    """Add a wheel with its spring at rest under load, and return its link."""
     joint = _sub(robot, "joint", name=wheel.name, type="continuous" if turns else "fixed")
     _sub(joint, "parent", link=base)
     _sub(joint, "child", link=f"{wheel.name}_link")
@@ -87,7 +88,7 @@ def _wheel(robot: Element, base: str, wheel: Wheel, *, turns: bool) -> Element:
 
 
 def _part(robot: Element, base: str, part: Joint) -> Element:
-    """Add a joint that is none of a wheel; return its link."""
+    """Add a joint other than a wheel joint, and return its link."""
     low, high = part.limits
     endless = isinf(low) or isinf(high)
     kind = "continuous" if part.kind == "revolute" and endless else part.kind
@@ -102,7 +103,7 @@ def _part(robot: Element, base: str, part: Joint) -> Element:
 
 
 def _show(link: Element, tag: str, solid: Solid, colors: dict[str, Material]) -> None:
-    """Add a solid, coloured where its material is known."""
+    """Add a solid; it is colored if its material is known."""
     at, shape = solid.position_m, solid.shape
     if isinstance(shape, Mesh):
         low, high = shape.low_m, shape.high_m
@@ -117,7 +118,7 @@ def _show(link: Element, tag: str, solid: Solid, colors: dict[str, Material]) ->
     _geometry(_sub(element, "geometry"), shape)
     if color := colors.get(solid.material):
         material = _sub(element, "material", name=solid.material)
-        # Linear light as screens take it: gamma 2.2.
+        # Convert linear light for displays, with gamma 2.2.
         screen = [component ** (1 / 2.2) for component in color.color]
         _sub(material, "color", rgba=_text(*screen, 1.0))
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run looks like from ROS: its topics, each with its place on the bus, and its fixed frames.
+"""ROS topics of a run, each with its key on the bus, and static transforms.
 
-Rule: derived from the scenario and the table of topics alone; gateway, recorder, viewer and replay
-share it, and physics, which knows no ROS types: how a message becomes a ROS message is in
-`groundlink.ros.cdr`, which nothing here imports. Who receives it is nobody's business here.
+Derived from the scenario and the table of topics alone. Gateway, recorder, viewer, replay and
+physics use this module. Physics must not load ROS types, so nothing here imports
+`groundlink.ros.cdr`, which converts the messages.
 """
 
 from __future__ import annotations
@@ -46,36 +46,37 @@ TRUE_TF_TOPIC = "/ground_truth/tf"
 
 @dataclass(frozen=True, kw_only=True)
 class RosStream:
-    """A stream of the bus that ROS knows as a topic."""
+    """A stream of the bus that is a ROS topic."""
 
     key: str
     message: type[BusMessage]
     topic: str
     declared_hz: float | None
-    """None where nobody promised a rate."""
+    """Declared rate; None if the rate is not known."""
 
     ros_type: str = ""
-    """Where it is not that of the message's codec."""
+    """ROS type, if it is not that of the message's codec."""
 
     is_command: bool = False
-    """Messages are commands of the run; they act at their stamps, which are of the run's time."""
+    """Whether messages are commands to the run. Commands act at their stamps, which are of the
+    run's time."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outgoing(RosStream):
-    """One that goes to ROS."""
+    """A stream from the bus to ROS."""
 
     declared_hz: float
     push: bool
-    """Sent to the gateway's peer unasked."""
+    """Whether the gateway sends the stream to its peer without a subscription."""
 
     repair: Repair = "none"
     in_blocks: tuple[Vehicle, RotatingLidar] | None = None
-    """Whose revolutions come in blocks."""
+    """Vehicle and LiDAR, if the stream is a LiDAR's with revolutions in blocks."""
 
 
 def outgoing(scenario: Scenario, run: str) -> list[Outgoing]:
-    """Return every stream that can go to ROS: the clock, each vehicle's in order, the bodies."""
+    """Return the streams that can go to ROS: clock, streams of each vehicle, body poses."""
     clock = Outgoing(
         key=CLOCK.key_in(run),
         message=Clock,
@@ -94,7 +95,7 @@ def outgoing(scenario: Scenario, run: str) -> list[Outgoing]:
 
 
 def recorded_only(scenario: Scenario, run: str) -> list[RosStream]:
-    """Return what no gateway sends and a recording holds: vitals; faults and gaps of sensors."""
+    """Return the streams that only recordings have: vitals, and faults and gaps of sensors."""
     vitals = [
         RosStream(
             key=VITALS.key_in(run, vehicle=vehicle.name),
@@ -123,12 +124,12 @@ def faults_topic(sensor: str) -> str:
 
 
 def missing_readings_topic(sensor: str) -> str:
-    """Return the topic of what a sensor is missing, in a recording."""
+    """Return the topic of a sensor's missing readings in a recording."""
     return f"/gaps/{sensor}"
 
 
 def incoming(scenario: Scenario, run: str) -> list[RosStream]:
-    """Return every stream that can come from ROS: each vehicle's commands, then what it tells."""
+    """Return the streams from ROS: commands of each vehicle, then topics of its stack."""
     streams = []
     for vehicle in scenario.vehicles:
         stamped = "geometry_msgs/msg/TwistStamped" if vehicle.command_type != "Twist" else ""
@@ -160,7 +161,7 @@ def incoming(scenario: Scenario, run: str) -> list[RosStream]:
 
 
 def answers_mistake(scenario: Scenario) -> str:
-    """Return in words which topic ROS is to answer that it does not get; empty for none."""
+    """Return the mistake in `answers`: a topic that ROS does not receive; empty for none."""
     known = {stream.topic for stream in outgoing(scenario, "") if stream.push}
     for topic, of in scenario.time.answers.items():
         if of not in known:
@@ -188,7 +189,7 @@ def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Outg
             repair=spec.repair,
             in_blocks=_in_blocks(vehicle, spec),
         )
-    # A vehicle without joints has no topic for them.
+    # Without joints, a vehicle has no topic for them.
     truths = zip((GROUND_TRUTH, TRUE_WHEELS, JOINTS), scenario.true_topics(vehicle), strict=False)
     for row, place in truths:
         yield Outgoing(
@@ -207,7 +208,7 @@ def _in_blocks(vehicle: Vehicle, spec: object) -> tuple[Vehicle, RotatingLidar] 
 
 
 def static_transforms(scenario: Scenario, stamp_nanos: int) -> Transforms | None:
-    """Return base_from_sensor of every sensor that has a frame of its own; None without any."""
+    """Return base_from_sensor of all sensors with a mount; None if there are none."""
     transforms = tuple(
         replace(
             mount,
@@ -221,9 +222,9 @@ def static_transforms(scenario: Scenario, stamp_nanos: int) -> Transforms | None
 
 
 def mounts(vehicle: Vehicle, stamp_nanos: int) -> tuple[Transform, ...]:
-    """Return base_from_sensor of each frame of a vehicle's sensors, without the vehicle's prefix.
+    """Return base_from_sensor of each sensor frame of a vehicle, without the frame prefix.
 
-    Where two sensors share a frame, the mount of the last one counts.
+    If several sensors share a frame, the mount of the last one is used.
     """
     base = vehicle.model.base_frame
     found = {

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Transforms of the tf tree that follow from the ground truth.
+"""Transforms of the tf tree that are computed from ground truth.
 
-Rule: odometry and truth in, transforms out, each as soon as the truth of its instant is known.
+Input is odometry and ground truth. Each transform is returned as soon as the ground truth of its
+instant is known.
 """
 
 from __future__ import annotations
@@ -16,19 +17,19 @@ from groundlink.messages.base import measured_nanos
 from groundlink.messages.navigation import Odometry, Transform
 
 WAITING = 1024
-"""Odometry that may wait for the truth of its instant, and truths that may be ahead of it: those of
-2.5 s at most."""
+"""Limit of odometry that waits for the ground truth of its instant, and of ground truth that is
+ahead of the odometry: 2.5 s at most."""
 
 
 class TopFromTruth:
-    """Where the top of a vehicle's tree is in the world: what an ideal localization says.
+    """Pose of the topmost frame of a vehicle's tree in the world, as ideal localization gives it.
 
     Parameters
     ----------
     parent, child
         frames of the transforms.
     alone
-        whether there is no odometry, so that `child` is the base itself.
+        whether there is no odometry, so that `child` is the base frame.
     """
 
     def __init__(self, parent: str, child: str, *, alone: bool) -> None:
@@ -37,12 +38,12 @@ class TopFromTruth:
         self._truths: deque[Odometry] = deque(maxlen=WAITING)
 
     def restart(self) -> None:
-        """Forget all."""
+        """Reset the state."""
         self._odometry.clear()
         self._truths.clear()
 
     def hear(self, role: str, message: Odometry) -> Iterator[tuple[int, Transform]]:
-        """Yield each odometry's instant with its transform, as soon as the truth of it is known."""
+        """Yield the instant and transform of each odometry once its ground truth is known."""
         if role == "truth" and self._alone:
             placed = message.position_m, message.orientation
             yield (

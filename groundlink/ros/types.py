@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS 2 message definitions and the parts that many messages share.
+"""ROS 2 message definitions, and conversions of parts that many messages share.
 
-Rule: ROS is known by its definitions alone (`rosbags`), so no ROS is needed where this runs. No
-message of the bus is known here.
+ROS types come from definitions (`rosbags`), so no ROS installation is needed. This module is
+independent of the messages of the bus.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ std_msgs/Header header
 string[] name
 int64[] ticks
 """
-"""Fields of groundlink_msgs/msg/WheelEncoders; `ros/groundlink_msgs` has the documented file."""
+"""Definition of groundlink_msgs/msg/WheelEncoders. The commented file is in `ros/groundlink_msgs`.
+"""
 
 STORE = get_typestore(Stores.ROS2_KILTED)
 STORE.register(get_types_from_msg(WHEEL_ENCODERS_DEFINITION, "groundlink_msgs/msg/WheelEncoders"))
@@ -78,28 +79,28 @@ def xyzw(quaternion: Any) -> Quaternion:
 
 
 def float32(number: float) -> float:
-    """Return what a float32 field makes of a number; OverflowError where it holds none so large."""
+    """Return a number rounded to float32. Raises OverflowError if it is out of range."""
     rounded: float = _FLOAT32.unpack(_FLOAT32.pack(number))[0]
     return rounded
 
 
 def array(packed: memoryview, dtype: Any) -> NDArray[Any]:
-    """Return the numbers of a bin, without a copy."""
+    """Return the numbers of a bin as a view."""
     return np.frombuffer(packed, dtype)
 
 
 DEFINITION_ENCODING = "ros2msg"
-"""Encoding of type definitions in MCAP files and Foxglove's protocol."""
+"""Encoding name of type definitions in MCAP files and Foxglove's protocol."""
 
 MESSAGE_ENCODING = "cdr"
-"""Encoding of the messages that a definition describes."""
+"""Encoding name of messages in MCAP files and Foxglove's protocol."""
 
 
 @cache
 def definition(ros_type: str) -> str:
     """Return the full definition of a type such as `sensor_msgs/msg/Imu`.
 
-    The type's own fields come first, then those of every type that it contains.
+    The type's own fields come first, followed by those of every type that it contains.
     """
     text, _ = STORE.generate_msgdef(ros_type, ros_version=2)
     return text

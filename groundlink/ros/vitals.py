@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A vehicle's vitals as a ROS message of its standard types: diagnostic_msgs/DiagnosticArray.
+"""Codec of a vehicle's vitals as diagnostic_msgs/DiagnosticArray.
 
-Rule: one status; every figure is a pair of text, a contact or the battery is one too, with JSON as
-its value. So a recording plays where no message package of ours is built.
+The array has one status. Each figure is a key-value pair of text; the values of contacts and of the
+battery are JSON. Recordings can therefore be played without the package groundlink_msgs.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .statuses import OK, WARN, status, the_only
 from .types import header, nanos
 
 CONTACT_PREFIX = "contact "
-"""Before the touched thing's name in a pair's key."""
+"""Prefix of the keys of contacts; the name of the touched object follows."""
 
 _BATTERY = "battery"
 
@@ -47,12 +47,12 @@ def vitals(message: Vitals) -> dict[str, Any]:
 
 
 def from_vitals(array: Any) -> Vitals:
-    """Return the vitals that a DiagnosticArray was filled with.
+    """Return the vitals in a DiagnosticArray that `vitals` made.
 
     Raises
     ------
     ValueError
-        when it was not.
+        when the array has another form.
     """
     vehicle, facts = the_only(array)
     contacts = tuple(

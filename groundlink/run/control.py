@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Run commands: pause, resume, step, reset, spawn, remove, restore; and the answer of physics.
+"""Run commands (pause, resume, step, reset, spawn, remove, restore) and the reply of physics.
 
-JSON in a query of `control_key` and its reply. Physics executes a command between two ticks. During
-a pause, sensors receive no states.
+A command is JSON in a query of `control_key`; the reply is JSON as well. Physics executes a command
+between two ticks. During a pause, sensors receive no states.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from groundlink.scenario.schema import Addition
 
 
 class _RunCommand(msgspec.Struct, frozen=True, tag_field="wish", forbid_unknown_fields=True):
-    """A command to a run. The tag keeps its name of before in the JSON."""
+    """Base of the run commands. In the JSON, the tag keeps its former name `wish`."""
 
 
 class Pause(_RunCommand, frozen=True, tag="pause"):
@@ -27,31 +27,31 @@ class Resume(_RunCommand, frozen=True, tag="resume"):
 
 
 class Step(_RunCommand, frozen=True, tag="step"):
-    """Advance by some ticks, then pause."""
+    """Advance by a number of ticks, then pause."""
 
     ticks: Annotated[int, msgspec.Meta(ge=1, le=10**9)] = 1
 
 
 class Reset(_RunCommand, frozen=True, tag="reset"):
-    """Restart at tick 0 from the initial state; a paused run stays paused."""
+    """Restart at tick 0 from the initial state. A paused run stays paused."""
 
 
 class Spawn(_RunCommand, frozen=True, tag="spawn"):
-    """Add objects to the world; after a reset they exist from the start."""
+    """Add objects to the world. A reset keeps them; they then exist from tick 0."""
 
     more: Addition
 
 
 class Remove(_RunCommand, frozen=True, tag="remove"):
-    """Remove a vehicle, an actor or a solid; a reset does not restore it."""
+    """Remove a vehicle, an actor or a solid. A reset does not restore it."""
 
     name: str
 
 
 class Restore(_RunCommand, frozen=True, tag="restore"):
-    """Restore a saved run; the payload of the query is the file, see `run.journal`.
+    """Restore a saved run. The payload of the query is the file; see `run.journal`.
 
-    The answer comes after the file was read. `ControlAnswer.restoring_to` is the progress.
+    Physics replies after it has read the file. `ControlAnswer.restoring_to` gives the progress.
     """
 
 
@@ -59,7 +59,7 @@ AnyRunCommand = Pause | Resume | Step | Reset | Spawn | Remove | Restore
 
 
 class ControlAnswer(msgspec.Struct, frozen=True):
-    """Answer of physics: result of a command and state of the run."""
+    """Reply of physics: result of the command and state of the run."""
 
     error: str
     """Reason of a rejected command; empty if it was executed."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a sensor's process tells of its faults: on the bus when they begin or end, and when asked.
+"""Fault messages of a sensor: reports on the bus, and replies to requests.
 
-Rule: a message holds all that are in effect from its stamp on, until the next one; so the begin and
-the end of each are the stamps of two messages. The same rules as in `messages`.
+A report holds all faults that are in effect from its stamp until the next report. The begin and the
+end of a fault are therefore the stamps of two reports.
 """
 
 from __future__ import annotations
@@ -15,49 +15,50 @@ from groundlink.messages.base import BusMessage
 from groundlink.scenario.faults import Fault
 
 COUNTER_PREFIX = "fault_"
-"""Of the counters of a sensor that say how many faults of a kind are in effect."""
+"""Prefix of a sensor's health counters for active faults; the kind of fault follows."""
 
 CLEAR = "clear"
-"""Request that ends all active faults. An empty request is a query; any other is a fault."""
+"""Request that ends all active faults. An empty request is a query; any other request is a fault.
+"""
 
 
 class Faults(BusMessage, frozen=True):
-    """The faults of one sensor, told when one begins or ends."""
+    """Active faults of a sensor, published when a fault begins or ends."""
 
     stamp_nanos: int
-    """The instant of `tick`."""
+    """Instant of `tick`."""
 
     sensor: str
-    """vehicle/sensor."""
+    """Name as vehicle/sensor."""
 
     tick: int
-    """The first at which it is so."""
+    """First tick at which these faults are in effect."""
 
     active: tuple[Fault, ...]
-    """Those in effect, with what the scenario or a command says of them."""
+    """Active faults, with their fields in the scenario or the command."""
 
 
 class FaultAnswer(Struct, frozen=True):
     """Reply of a sensor's process to a request."""
 
     error: str = ""
-    """Why it was not done; empty when it was."""
+    """Reason of a rejected request; empty if it was executed."""
 
     tick: int = -1
-    """From which on the rest holds: the next one."""
+    """Tick from which `active` applies: the next tick."""
 
     active: tuple[Fault, ...] = ()
-    """What is in effect then."""
+    """Active faults at that tick."""
 
 
 def counted(active: tuple[Fault, ...]) -> dict[str, int]:
-    """Return the counters by which a process's health tells its faults."""
+    """Return active faults as health counters."""
     kinds = [COUNTER_PREFIX + fault.kind for fault in active]
     return {kind: kinds.count(kind) for kind in kinds}
 
 
 def kinds_in(counters: Mapping[str, int]) -> list[str]:
-    """Return the kinds of fault that a process's counters tell of."""
+    """Return the kinds of the active faults in health counters."""
     return [
         name.removeprefix(COUNTER_PREFIX) for name in counters if name.startswith(COUNTER_PREFIX)
     ]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What cameras can be told, with the defaults of an ideal one.
+"""Scenario fields of cameras; the defaults describe an ideal camera.
 
-Rule: as in `sensors`; what all cameras have is `Optics`.
+`Optics` has the fields that all kinds of cameras share.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FieldOfView = Annotated[float, Meta(ge=1, le=170)]
 
 
 class Optics(SensorSpec, frozen=True, kw_only=True):
-    """What all cameras have: a lens, an image sensor, a rate. `frame` is the optical one."""
+    """Base of all camera kinds: lens, image sensor and rate. `frame` is the optical frame."""
 
     optical: ClassVar[bool] = True
 
@@ -32,14 +32,16 @@ class Optics(SensorSpec, frozen=True, kw_only=True):
     height: Annotated[int, Meta(ge=16, le=4096)] = 480
     horizontal_fov_deg: FieldOfView | None = None
     vertical_fov_deg: FieldOfView | None = None
-    """From edge to edge. One of the two makes square pixels; without both, 60 degrees vertical."""
+    """Full angle between opposite edges of the image. If only one of the two fields of view is
+    given, pixels are square; if neither is given, the vertical one is 60 degrees."""
 
     intrinsics: tuple[Positive, Positive, float, float] | None = None
-    """fx, fy, cx, cy of K in pixels, instead of angles; pixel centres are whole numbers."""
+    """fx, fy, cx and cy of K in pixels, instead of angles. Pixel centers have integer coordinates.
+    """
 
     samples: Literal[1, 4, 16] = 4
-    """Samples of light in each pixel, whose mean is its color. More make edges smoother; 1 draws
-    jagged edges."""
+    """Light samples in each pixel; their mean is the pixel's color. More samples give smoother
+    edges; 1 gives jagged edges."""
 
     lens: Lens = Lens()
     imager: Imager = Imager()
@@ -55,27 +57,28 @@ class Optics(SensorSpec, frozen=True, kw_only=True):
 
     @property
     def measuring_s(self) -> float:
-        """Time of exposure and readout."""
+        """Return the time of exposure and readout, in seconds."""
         return self.imager.span_s
 
 
 JPEG_NOISE = ((1, 50, 80, 90, 95, 100), (0.42, 0.42, 0.68, 0.91, 1.19, 2.0))
-"""Bytes per pixel of a JPEG of random colors, by quality. The curve bends upwards, so straight
-lines between these points are above it. A room at 80 takes a seventh of it."""
+"""Bytes per pixel of a JPEG of random colors, by quality. The curve is convex, so linear
+interpolation between the points overestimates it. At quality 80, an image of a room takes a
+seventh of the value."""
 
 JPEG_HEAD_BYTES = 1000
-"""Tables and headers of a JPEG."""
+"""Bytes of the tables and headers of a JPEG."""
 
 
 def jpeg_bytes(pixels: int, quality: int) -> int:
-    """Return how large a JPEG of pure noise gets."""
+    """Return the size in bytes of a JPEG of pure noise."""
     return math.ceil(pixels * np.interp(quality, *JPEG_NOISE)) + JPEG_HEAD_BYTES
 
 
 def largest_picture(
     camera: Optics, frame: str, publish: str, encoding: str, quality: int
 ) -> BusMessage:
-    """Return the pixels of a camera, or the JPEG of pure noise where only that is published."""
+    """Return the largest picture: raw pixels, or a JPEG of noise if only the JPEG is published."""
     pixels = camera.width * camera.height
     if publish == "compressed":
         return CompressedImage(0, frame, "jpeg", memoryview(bytes(jpeg_bytes(pixels, quality))))
@@ -85,11 +88,11 @@ def largest_picture(
 
 
 class Camera(Optics, frozen=True, tag="camera", kw_only=True):
-    """A colour or grey camera; `topic` is that of its images as image_transport names them."""
+    """A color or grayscale camera; `topic` is its image topic as named by image_transport."""
 
     encoding: Literal["rgb8", "bgr8", "mono8", "bayer_rggb8"] = "rgb8"
     publish: Literal["compressed", "raw", "both"] = "compressed"
-    """JPEG under `<topic>/compressed`, pixels under `topic`, or both."""
+    """`compressed`: JPEG under `<topic>/compressed`. `raw`: pixels under `topic`. `both`: both."""
 
     jpeg_quality: Annotated[int, Meta(ge=1, le=100)] = 80
 
@@ -99,7 +102,7 @@ class Camera(Optics, frozen=True, tag="camera", kw_only=True):
             raise ValueError("a bayer pattern does not survive JPEG; add `publish: raw`")
 
     def ros_topics(self) -> dict[str, str]:
-        """Return its topics as image_transport names them, and of the CameraInfo beside them."""
+        """Return the camera's image_transport topics and the topic of its CameraInfo."""
         namespace = self.topic.rpartition("/")[0]
         topics = {} if self.publish == "raw" else {"": f"{self.topic}/compressed"}
         if self.publish != "compressed":

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenarios that come from other machines, which may have sensor kinds that this one lacks.
+"""Decoder for scenarios from other machines, which may have sensor kinds that this one lacks.
 
-A sensor of an unknown kind becomes an `UnknownSensor`: it keeps its place in the run and has no
-streams here. Written again, it is what it was.
+A sensor of an unknown kind becomes an `UnknownSensor`. It keeps its position in the scenario and
+has no streams on this machine. Encoding it again gives the original sensor.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from .sensor_kinds import sensor_kinds
 _UNKNOWN = str(UnknownSensor.__struct_config__.tag)
 
 _SHARED = {*SensorSpec.__struct_fields__, "rate_hz"} - {"faults"}
-"""Fields that a sensor of an unknown kind has here as well."""
+"""Fields that are kept for a sensor of an unknown kind."""
 
 
 class Unknown(NamedTuple):
-    """A sensor that was taken out of a scenario, and where it was."""
+    """A sensor that was taken out of a scenario, with its position."""
 
     vehicle: int
     position: int
@@ -36,7 +36,7 @@ def decode_scenario(payload: bytes | memoryview) -> Scenario:
     Raises
     ------
     msgspec.MsgspecError
-        when the payload holds none.
+        when the payload is not a valid scenario.
     """
     try:
         return msgspec.msgpack.decode(payload, type=Scenario)
@@ -47,7 +47,7 @@ def decode_scenario(payload: bytes | memoryview) -> Scenario:
 
 
 def take_unknown(plain: Any) -> list[Unknown]:
-    """Take the sensors of unknown kinds out of a scenario as plain data, and return them."""
+    """Remove the sensors of unknown kinds from a scenario as plain data, and return them."""
     found: list[Unknown] = []
     vehicles = plain.get("vehicles") if isinstance(plain, dict) else None
     for v, vehicle in enumerate(vehicles or ()):
@@ -66,7 +66,7 @@ def take_unknown(plain: Any) -> list[Unknown]:
 
 
 def put_unknown(scenario: Scenario, unknown: list[Unknown]) -> Scenario:
-    """Return a scenario with sensors that `take_unknown` took out of it."""
+    """Return a scenario with the sensors that `take_unknown` removed put back in place."""
     vehicles = list(scenario.vehicles)
     for v, s, sensor in unknown:
         sensors = [*vehicles[v].sensors]

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What depth cameras and stereo pairs can be told, with the defaults of ideal ones.
-
-Rule: as in `sensors`.
-"""
+"""Scenario fields of depth cameras and stereo pairs; the defaults describe ideal devices."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ from .cameras import Optics, jpeg_bytes, largest_picture
 from .every_sensor import Carrier, RosTopic
 
 LARGEST_16UC1_M = 65.535
-"""What 16 bits of millimeters hold."""
+"""Largest depth that 16 bits of millimeters can hold, in meters."""
 
 PNG_BYTES_A_PIXEL = 2.1
 """Bytes per pixel of a PNG of random 16-bit values."""
@@ -28,48 +25,49 @@ Quality = Annotated[int, Meta(ge=1, le=100)]
 
 
 def info_beside(topic: str) -> str:
-    """Return the topic of the CameraInfo that goes with an image's, as image_transport has it."""
+    """Return the CameraInfo topic that belongs to an image topic, as named by image_transport."""
     return f"{topic.rpartition('/')[0]}/camera_info"
 
 
 class ColorStream(Spec, frozen=True, kw_only=True):
-    """Colour through the same pinhole as depth, pixel for pixel."""
+    """Color stream of a depth camera, registered to depth: same pinhole, pixel for pixel."""
 
     topic: RosTopic
     publish: Publish = "compressed"
-    """JPEG under `<topic>/compressed`, rgb8 under `topic`, or both."""
+    """`compressed`: JPEG under `<topic>/compressed`. `raw`: rgb8 under `topic`. `both`: both."""
 
     jpeg_quality: Quality = 80
 
 
 class DepthCamera(Optics, frozen=True, tag="depth_camera", kw_only=True):
-    """A camera that measures along z how far each pixel is; `topic` is that of its images."""
+    """A camera that measures each pixel's depth along z; `topic` is its image topic."""
 
     encoding: Literal["16UC1", "32FC1"] = "16UC1"
-    """Millimetres with 0 for none, or metres with NaN and infinities (REP 118)."""
+    """`16UC1`: millimeters, 0 for no depth. `32FC1`: meters, with NaN and infinities (REP 118)."""
 
     publish: Publish = "raw"
-    """Pixels under `topic`, `<topic>/compressedDepth` as image_transport reads it, or both."""
+    """`raw`: pixels under `topic`. `compressed`: PNG under `<topic>/compressedDepth`, in the format
+    of image_transport. `both`: both."""
 
     min_range_m: NonNegative = 0.0
     max_range_m: Positive = 10.0
     baseline_m: NonNegative = 0.0
-    """Between the two eyes by which depth is found, the other one to the right; what only one of
-    them sees has no depth. 0 for a device that has none of a stereo pair's errors."""
+    """Distance between the two imagers that measure depth, the second one to the right. A point
+    that only one of them sees has no depth. 0 for a device without the errors of a stereo pair."""
 
     disparity_stddev_px: NonNegative = 0.0
-    """White noise of the disparity f baseline / z, 1 sigma: of depth, z^2 / (f baseline) times
-    it."""
+    """White noise of the disparity f baseline / z, 1 sigma. The noise of depth is z^2 / (f
+    baseline) times this value."""
 
     edge_holes_px: Annotated[int, Meta(ge=0, le=16)] = 0
-    """So near to where disparity jumps by more than a pixel, no depth is found."""
+    """Pixels within this distance of a disparity jump of more than a pixel have no depth."""
 
     color: ColorStream | None = None
     points_topic: RosTopic | None = None
-    """Where depth goes as a cloud of points, too."""
+    """Topic of the depth as a point cloud; none: no point cloud."""
 
     points_every: Annotated[int, Meta(ge=1, le=64)] = 1
-    """Every so many rows and columns make a point."""
+    """Stride of the point cloud in rows and columns."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -89,7 +87,7 @@ class DepthCamera(Optics, frozen=True, tag="depth_camera", kw_only=True):
             )
 
     def ros_topics(self) -> dict[str, str]:
-        """Return its topics as image_transport names them; each image has a CameraInfo beside."""
+        """Return the image_transport topics of the images and of the CameraInfo beside each."""
         topics = {"camera_info": info_beside(self.topic)}
         if self.publish != "compressed":
             topics[""] = self.topic
@@ -106,7 +104,7 @@ class DepthCamera(Optics, frozen=True, tag="depth_camera", kw_only=True):
         return topics
 
     def largest_message(self, carrier: Carrier) -> BusMessage:
-        """Return a cloud with a point for every pixel, or an image if that is more."""
+        """Return the larger of a cloud with a point for every pixel and an image."""
         pixels, every = self.width * self.height, self.points_every
         sizes = {
             "": pixels * (2 if self.encoding == "16UC1" else 4),
@@ -127,18 +125,19 @@ class DepthCamera(Optics, frozen=True, tag="depth_camera", kw_only=True):
 
 
 class StereoCamera(Optics, frozen=True, tag="stereo_camera", kw_only=True):
-    """Two cameras side by side that take their pictures at once, rectified.
+    """Two rectified cameras side by side that expose at the same time.
 
-    `topic`, as in `/stereo/left/image_raw`, `frame` and the mount are the left one's.
+    `topic` (such as `/stereo/left/image_raw`), `frame` and the mount are those of the left camera.
     """
 
     right_topic: RosTopic
     baseline_m: Positive
-    """How far to the right the right eye is."""
+    """Distance from the left camera to the right one."""
 
     encoding: Literal["rgb8", "bgr8", "mono8"] = "rgb8"
     publish: Publish = "raw"
-    """JPEG under `<topic>/compressed`, pixels under `topic`, or both, of each eye."""
+    """`compressed`: JPEG under `<topic>/compressed`. `raw`: pixels under `topic`. `both`: both. For
+    each of the two cameras."""
 
     jpeg_quality: Quality = 80
 
@@ -151,7 +150,7 @@ class StereoCamera(Optics, frozen=True, tag="stereo_camera", kw_only=True):
             )
 
     def ros_topics(self) -> dict[str, str]:
-        """Return the topics of both eyes, as stereo_image_proc expects them."""
+        """Return the topics of both cameras, as stereo_image_proc expects them."""
         topics = {
             "camera_info": info_beside(self.topic),
             "right_camera_info": info_beside(self.right_topic),
@@ -164,6 +163,6 @@ class StereoCamera(Optics, frozen=True, tag="stereo_camera", kw_only=True):
         return topics
 
     def largest_message(self, carrier: Carrier) -> BusMessage:
-        """Return a picture of pure noise of one eye."""
+        """Return a picture of pure noise of one camera."""
         frame = carrier.frame_prefix + self.frame
         return largest_picture(self, frame, self.publish, self.encoding, self.jpeg_quality)

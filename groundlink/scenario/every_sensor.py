@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every sensor can be told, of whatever kind.
+"""Scenario fields that all kinds of sensors share.
 
-Rule: kinds add their own fields elsewhere, in `sensors.py`, `lidars.py` and `cameras.py`.
-Angles and lengths are as a user writes them; they are converted where they are used.
+Each kind adds its own fields in `sensors.py`, `lidars.py` and `cameras.py`. Angles and lengths are
+in the units that their names state; the code that uses them converts them.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ PATTERNS = {
     _ADDRESS: "HOST:PORT with a port up to 65535, such as 127.0.0.1:7511",
     _PEER: "HOST or HOST:PORT with a port up to 65535, such as 127.0.0.1:7511",
 }
-"""What each pattern asks for, in the words of an error line."""
+"""Description of each pattern, for error lines."""
 
 Name = Annotated[str, Meta(pattern=_NAME)]
-"""Lower case letters, digits and underscores: also a part of a key, a topic and a frame."""
+"""Lowercase letters, digits and underscores. Also used as a part of keys, topics and frames."""
 
 RosTopic = Annotated[str, Meta(pattern=_TOPIC)]
 Frame = Annotated[str, Meta(pattern=_FRAME)]
-"""A tf frame."""
+"""Name of a tf frame."""
 
 FramePrefix = Annotated[str, Meta(pattern=_PREFIX)]
-"""The beginning of frames, or nothing."""
+"""Prefix of frame names, or an empty text."""
 
 Address = Annotated[str, Meta(pattern=_ADDRESS)]
 """HOST:PORT."""
@@ -60,15 +60,16 @@ Peer = Annotated[str, Meta(pattern=_PEER)]
 
 
 MOUNT_FROM_OPTICAL = (-0.5, 0.5, -0.5, 0.5)
-"""REP 103: optical x is to the right, y down, z forward, of a mount with x forward, z up."""
+"""Rotation of the optical frame in the mount (REP 103): optical x is to the right, y down, z
+forward; the mount's x is forward, z up."""
 
 
 class Mount(Spec, frozen=True):
-    """Where a sensor sits: base_from_sensor."""
+    """Pose of a sensor on the vehicle: base_from_sensor."""
 
     xyz_m: Vector3 = (0.0, 0.0, 0.0)
     rpy_deg: Vector3 = (0.0, 0.0, 0.0)
-    """Roll, pitch, yaw about the base's fixed axes (REP 103)."""
+    """Roll, pitch, yaw about the fixed axes of the base (REP 103)."""
 
     def rpy_radians(self) -> Vector3:
         """Return roll, pitch and yaw in radians."""
@@ -76,20 +77,21 @@ class Mount(Spec, frozen=True):
         return roll, pitch, yaw
 
     def quaternion(self, *, optical: bool = False) -> tuple[float, float, float, float]:
-        """Return base_from_sensor's rotation, or base_from_optical's."""
+        """Return the rotation of base_from_sensor, or of base_from_optical."""
         turned = quaternion_from_rpy(*self.rpy_radians())
         x, y, z, w = multiply(turned, MOUNT_FROM_OPTICAL).tolist() if optical else turned
         return x, y, z, w
 
 
 class RepairBy(Spec, frozen=True):
-    """One way of making lost datagrams good, with its figure."""
+    """A repair method for lost datagrams, with its parameter. Exactly one field is set."""
 
     fec: Annotated[float, Meta(gt=0, le=1)] | None = None
-    """Repair data for each message, as a share of it; needs the package raptorq at both ends."""
+    """Repair data for each message, as a share of the message. Requires the package raptorq at both
+    ends."""
 
     resend: Annotated[float, Meta(ge=0.001, le=60)] | None = None
-    """Lost parts are asked for and sent again until the message is this old, in seconds."""
+    """Lost parts are requested and sent again until the message is this old, in seconds."""
 
     def __post_init__(self) -> None:
         if (self.fec is None) == (self.resend is None):
@@ -97,102 +99,105 @@ class RepairBy(Spec, frozen=True):
 
 
 Repair = Literal["none", "resend"] | RepairBy
-"""How the gateway makes good what is lost of a stream; `resend` alone is half a second."""
+"""Repair method of the gateway for a stream. `resend` alone means half a second."""
 
 
 class Carrier(NamedTuple):
-    """Facts of a vehicle that determine how large the messages of its sensors are."""
+    """Facts of a vehicle that determine the size of its sensors' messages."""
 
     frame_prefix: str
     base_frame: str
     shafts: tuple[str, ...]
-    """Names of the shafts that encoders count."""
+    """Names of the shafts that have encoders."""
 
 
 class SensorSpec(Spec, frozen=True, tag_field="kind"):
-    """What every sensor has."""
+    """Base of all sensor kinds."""
 
     name: Name
     topic: RosTopic
-    """ROS topic of its readings."""
+    """ROS topic of the readings."""
 
     frame: Frame
-    """tf frame of its readings, before the vehicle's `frame_prefix`."""
+    """tf frame of the readings, without the vehicle's `frame_prefix`."""
 
     mount: Mount = Mount()
     push: bool = True
-    """Send to the gateway's peer unasked; if not, only to those who subscribe."""
+    """True: the gateway sends the stream to its peer without a subscription. False: it sends the
+    stream to subscribers only."""
 
     repair: Repair = "none"
     mounted: ClassVar[bool] = True
-    """Whether `frame` is a place on the vehicle, for the static transforms."""
+    """Whether the static transforms contain `frame` as a mount on the vehicle."""
 
     optical: ClassVar[bool] = False
-    """Whether `frame` is turned from the mount as REP 103 has it for cameras: z looks along the
-    mount's x."""
+    """Whether `frame` is an optical frame (REP 103), in which z points along the mount's x."""
 
     datasheet: str = ""
-    """Title of the data sheet that the fields were taken from, with its source."""
+    """Title and source of the data sheet that the fields were taken from."""
 
     host: Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_-]*$")] = "main"
-    """Label of the machine that it runs on, where containers are spread over several."""
+    """Label of the machine that the sensor runs on, if containers run on several machines."""
 
     faults: tuple[Fault, ...] = ()
-    """What goes wrong with it, and when."""
+    """Faults of the sensor, each with its times."""
 
     package: str = ""
-    """Distribution that installs this kind, filled by the loader; empty for shipped kinds."""
+    """Distribution that installs this kind. The loader fills it in; empty for shipped kinds."""
 
     quantities: ClassVar[Mapping[str, Quantity]] = {}
-    """What of its readings faults can make wrong by numbers; the first is meant unless named."""
+    """Quantities of the readings that faults can disturb. The first is the default."""
 
     rate_field: ClassVar[str] = "rate_hz"
-    """Field with the rate; part of the reference of the bus."""
+    """Name of the field that holds the rate; part of the reference of the bus."""
 
     @property
     def kind(self) -> str:
-        """Name of the kind."""
+        """Name of the kind, as in a scenario."""
         return str(self.__struct_config__.tag)
 
     @property
     def message_rate_hz(self) -> float:
-        """Messages per second of sim time on each stream."""
+        """Return the messages per second of sim time on each stream."""
         rate_hz: float = getattr(self, self.rate_field)
         return rate_hz
 
     @property
     def measuring_s(self) -> float:
-        """Longest time from the begin of a measurement to its message, in seconds."""
+        """Return the longest time from the start of a measurement to its message, in seconds."""
         return 0.0
 
     def schedule(self) -> ReadingSchedule:
-        """Return which readings are due."""
+        """Return the schedule of readings that are due."""
         return Events(self.message_rate_hz)
 
     def largest_message(self, carrier: Carrier) -> BusMessage:
-        """Return a message of the main stream that is as large as they get."""
+        """Return a message of the main stream of the largest size."""
         raise NotImplementedError(f"the specification of kind `{self.kind}` has no largest_message")
 
     @property
     def truth_topic(self) -> str | None:
-        """ROS topic of the truth behind its readings, if it tells that too."""
+        """ROS topic of the ground truth behind the readings; None if it is not published."""
         return None
 
     def ros_topics(self) -> dict[str, str]:
-        """Return the ROS topic of each of its streams, by name; the main one has none."""
+        """Return the ROS topic of each stream by name; the main stream has the empty name."""
         return {"": self.topic}
 
 
 class UnknownSensor(SensorSpec, frozen=True, tag="unknown", kw_only=True):
-    """Sensor of a kind that is not installed here. It has no streams, only a place in the run."""
+    """Sensor of a kind that is not installed on this machine.
+
+    It has no streams here and only keeps its position in the scenario.
+    """
 
     rate_hz: float = 1.0
     fields: dict[str, Any]
-    """The sensor as the scenario has it, with its own `kind`."""
+    """Fields of the sensor as in the scenario, including its own `kind`."""
 
     @property
     def problem(self) -> str:
-        """One line: what is missing and which package to install."""
+        """Return one line with the missing kind and the package to install."""
         kind = self.fields.get("kind")
         fix = f"pip install {self.package}" if self.package else "install the package that has it"
         return f"sensor `{self.name}`: the kind `{kind}` is not installed here. Fix: {fix}"

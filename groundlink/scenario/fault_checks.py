@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a sensor can have a fault: what the types of faults cannot say.
-
-Rule: a fault and its sensor in; a field and a sentence out, to which others add where it was said.
-"""
+"""Checks that a sensor can have a fault, beyond what the types of faults state."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ from groundlink.scenario.sensor_kinds import kind_of
 
 
 def fault_problem(fault: Fault, spec: SensorSpec, vehicle: Vehicle) -> tuple[str, str] | None:
-    """Return what makes a fault impossible for a vehicle's sensor; None if nothing does."""
+    """Return why a vehicle's sensor cannot have a fault, as field and problem; None if it can."""
     if isinstance(fault, Disturbance):
         return _of_disturbance(fault, spec, vehicle)
     if isinstance(fault, OccludedSector) and not kind_of(spec).cover:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be wrong with a sensor on purpose, and for how long.
+"""Faults: errors of a sensor that a scenario or a command injects, with their times.
 
-Rule: one class a kind of fault; the tag is the kind. A fault is in effect for whole ticks, from the
-first at or after its begin: for the readings measured (stamped) from that tick on and before its
-end. What it does to them is in `services/sensors/faults/effects.py`.
+Each kind of fault is a class; its tag is the kind. A fault is in effect for whole ticks, from the
+first tick at or after its begin. It affects the readings measured (stamped) at or after that tick
+and before its end. Its effects are in `services/sensors/faults/effects.py`.
 """
 
 from __future__ import annotations
@@ -22,41 +22,43 @@ from groundlink.core.fields import NonNegative, Positive, Spec
 Degrees = Annotated[float, Meta(ge=-360, le=360)]
 
 Numbers = float | tuple[float, ...]
-"""One for all components of a quantity, or one for each."""
+"""A single number for all components of a quantity, or one number for each."""
 
 MAX_DELAY_SECONDS = 1.0
-"""What physics remembers for a sensor that is started again covers readings this old."""
+"""Longest delay, in seconds. The history of physics for a sensor that is restarted covers readings
+of this age."""
 
 
 EACH_WHEEL = ("one for each wheel",)
-"""Components of what a vehicle's wheels have."""
+"""Component names of a quantity with one number for each wheel."""
 
 
 class Quantity(NamedTuple):
-    """Something that a reading says in numbers, which can be wrong by numbers."""
+    """A numeric quantity of a reading that a fault can disturb."""
 
     unit: str
     components: tuple[str, ...] = ()
-    """Names of its numbers; none for a single one."""
+    """Names of its components; empty for a single number."""
 
     field: str = ""
-    """Field of the message that holds them, where a fault simply adds to it."""
+    """Field of the message to which a fault adds its offset; empty if the kind has its own
+    function."""
 
 
 @lru_cache(maxsize=1024)
 def _tick(begin_s: float, more_s: float) -> int:
-    """Return the first tick at or after the sum of two times; asked for at every reading."""
+    """Return the first tick at or after the sum of two times; called at every reading."""
     return -int(-(exact(begin_s) + exact(more_s)) * TICK_RATE_HZ // 1)
 
 
 class FaultSpec(Spec, frozen=True, tag_field="kind", kw_only=True):
-    """What every fault has."""
+    """Base of all faults."""
 
     at_s: NonNegative = 0.0
-    """Sim time of its begin."""
+    """Sim time at which the fault begins."""
 
     for_s: Positive | None = None
-    """How long it lasts; none: to the end of the run."""
+    """Duration; none: until the end of the run."""
 
     def __post_init__(self) -> None:
         for name in self.__struct_fields__:
@@ -66,74 +68,74 @@ class FaultSpec(Spec, frozen=True, tag_field="kind", kw_only=True):
                     raise ValueError(f"`{name}` is {number}; expected a finite number")
 
     def __str__(self) -> str:
-        """Return it as a scenario has it."""
+        """Return the fault as one line of YAML, with the keys of a scenario."""
         facts = {k: v for k, v in msgspec.to_builtins(self).items() if v is not None}
         line: str = yaml.safe_dump(facts, default_flow_style=True, sort_keys=False, width=1000)
         return line.strip()
 
     @property
     def kind(self) -> str:
-        """Its kind, as in a scenario."""
+        """Kind of the fault, as in a scenario."""
         return str(self.__struct_config__.tag)
 
     @property
     def begin_tick(self) -> int:
-        """The first tick of its effect."""
+        """First tick at which the fault is in effect."""
         return _tick(self.at_s, 0.0)
 
     @property
     def end_tick(self) -> int | None:
-        """The first tick after it; None: there is none."""
+        """First tick after the fault; None for a fault without end."""
         if self.for_s is None:
             return None
         return max(self.begin_tick + 1, _tick(self.at_s, self.for_s))
 
     def is_on(self, tick: int) -> bool:
-        """Return whether it is in effect at a tick."""
+        """Return whether the fault is in effect at a tick."""
         end = self.end_tick
         return self.begin_tick <= tick and (end is None or tick < end)
 
 
 class Off(FaultSpec, frozen=True, tag="off"):
-    """Nothing comes."""
+    """The sensor publishes nothing."""
 
 
 class Stuck(FaultSpec, frozen=True, tag="stuck"):
-    """Every reading repeats the first one of the fault, with a stamp of its own."""
+    """Every reading repeats the first one of the fault, with a new stamp."""
 
 
 class Disturbance(FaultSpec, frozen=True, kw_only=True):
-    """What makes numbers wrong."""
+    """Base of the faults that disturb a quantity of the readings."""
 
     numbers_field: ClassVar[str]
     quantity: str | None = None
-    """Which of them; the sensor's first unless given, see `SensorSpec.quantities`."""
+    """Name of the quantity; default: the first one of the sensor's `SensorSpec.quantities`."""
 
     @property
     def numbers(self) -> Numbers:
-        """By how much, in what its kind understands by that."""
+        """Return the size of the disturbance, in the unit of the kind of fault."""
         numbers: Numbers = getattr(self, self.numbers_field)
         return numbers
 
 
 class Bias(Disturbance, frozen=True, tag="bias", kw_only=True):
-    """A constant is added."""
+    """A constant offset is added to the quantity."""
 
     numbers_field: ClassVar[str] = "value"
     value: Numbers
-    """In the quantity's unit."""
+    """Offset, in the quantity's unit."""
 
 
 class Drift(Disturbance, frozen=True, tag="drift", kw_only=True):
-    """What is added grows from zero."""
+    """A linearly growing offset is added to the quantity, from zero at the begin."""
 
     numbers_field: ClassVar[str] = "per_s"
     per_s: Numbers
-    """In the quantity's unit, for each second since the begin."""
+    """Growth per second of sim time, in the quantity's unit."""
 
 
 class NoiseBurst(Disturbance, frozen=True, tag="noise_burst", kw_only=True):
-    """White noise is added."""
+    """White noise is added to the quantity."""
 
     numbers_field: ClassVar[str] = "stddev"
     stddev: Numbers
@@ -141,42 +143,42 @@ class NoiseBurst(Disturbance, frozen=True, tag="noise_burst", kw_only=True):
 
 
 class TimeJump(FaultSpec, frozen=True, tag="time_jump", kw_only=True):
-    """The sensor's clock is off: stamps are wrong, instants of measurement are not."""
+    """The sensor's clock is off: stamps are wrong, instants of measurement are correct."""
 
     offset_s: Annotated[float, Meta(ge=-3600, le=3600)]
 
 
 class Delay(FaultSpec, frozen=True, tag="delay", kw_only=True):
-    """Readings come later, in order and with their right stamps."""
+    """Readings arrive late, in order and with correct stamps."""
 
     delay_s: Annotated[float, Meta(gt=0, le=MAX_DELAY_SECONDS)]
 
 
 class Drop(FaultSpec, frozen=True, tag="drop", kw_only=True):
-    """Some readings are lost at random."""
+    """Some readings are dropped at random."""
 
     share: Annotated[float, Meta(gt=0, le=1)]
 
 
 class RateChange(FaultSpec, frozen=True, tag="rate_change", kw_only=True):
-    """Fewer readings come, evenly."""
+    """Readings are published at a lower rate, evenly spaced."""
 
     rate_hz: Positive
-    """Messages a second of sim time, less than the sensor declares."""
+    """Messages per second of sim time; lower than the rate that the sensor declares."""
 
 
 class OccludedSector(FaultSpec, frozen=True, tag="occluded_sector", kw_only=True):
-    """Something covers a part of the turn: nothing returns from there."""
+    """A sector of the revolution is covered and gives no returns."""
 
     from_deg: Degrees
     """Azimuth in the sensor's frame, from x towards y."""
 
     to_deg: Degrees
-    """The sector goes from `from_deg` counter-clockwise to it."""
+    """End of the sector, counterclockwise from `from_deg`."""
 
     @property
     def width_deg(self) -> float:
-        """How much of the turn it takes, above 0 and up to 360."""
+        """Width of the sector in degrees, above 0 and up to 360."""
         return (self.to_deg - self.from_deg) % 360 or 360.0
 
 
@@ -185,4 +187,4 @@ Fault = (
 )
 
 KINDS: dict[str, type[FaultSpec]] = {str(c.__struct_config__.tag): c for c in get_args(Fault)}
-"""Every kind of fault by its tag."""
+"""All kinds of faults by tag."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is wrong with the axes of an accelerometer or a gyroscope, as data sheets say it.
+"""Errors of the axes of an accelerometer or a gyroscope, in the quantities of data sheets.
 
-Rule: every field at its default of zero is no error; quantities are in the unit of what is measured
-(m/s^2, rad/s). What they mean in numbers is in `services.sensors.imu.errors`.
+A field at its default of zero means no error. Quantities are in the unit of the measured quantity
+(m/s^2, rad/s). `services.sensors.imu.errors` computes the errors.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.fields import NonNegative, Spec
 
 LOW_PASS_TAIL = 1e-9
-"""Share of a step that a low pass leaves out, so that it is full after a finite time."""
+"""Remaining share of a step response below which a low pass counts as settled."""
 
 Bandwidth = Annotated[float, Meta(ge=0, le=200)]
 
 
 def low_pass_ticks(bandwidth_hz: float) -> int:
-    """Return what a Butterworth low pass of second order takes to fill; 1 where there is none.
+    """Return the settling time of a second-order Butterworth low pass in ticks; 1 without one.
 
     Its step response is within sqrt(2) exp(-at) of 1, with a = 2 pi f / sqrt(2).
     """
@@ -36,37 +36,39 @@ class InertialNoise(Spec, frozen=True):
     """Errors of a triad of axes."""
 
     noise_density: NonNegative = 0.0
-    """Per root hertz, of a unit of the quantity; white sigma is this times sqrt(rate), the Allan
-    deviation at 1 s is this (a two-sided spectrum; a one-sided one says sqrt(2) times as much)."""
+    """Noise density in units of the quantity per root hertz. The sigma of the white noise is this
+    value times sqrt(rate); the Allan deviation at 1 s is this value. It is the root of a
+    two-sided spectrum; a one-sided spectrum gives sqrt(2) times as much."""
 
     bias_instability: NonNegative = 0.0
-    """In-run bias stability: the highest Allan deviation of the bias that wanders and comes back (a
-    Gauss-Markov process), in the quantity's unit."""
+    """In-run bias stability, in the quantity's unit: the highest Allan deviation of the
+    time-correlated bias (a Gauss-Markov process)."""
 
     bias_time_constant_s: Annotated[float, Meta(ge=1)] = 100.0
-    """After which the wandering bias has forgotten all but 1/e of itself."""
+    """Correlation time of that bias: its autocorrelation falls to 1/e."""
 
     random_walk: NonNegative = 0.0
-    """Density of the bias that walks away, in the quantity's unit per second per root hertz."""
+    """Density of the random walk of the bias, in the quantity's unit per second per root hertz."""
 
     turn_on_bias: NonNegative = 0.0
-    """1 sigma of the constant offset drawn for a run, in the quantity's unit."""
+    """1 sigma of the constant bias, drawn once per run, in the quantity's unit."""
 
     scale_factor: NonNegative = 0.0
-    """1 sigma of each axis's relative error of scale, drawn for a run."""
+    """1 sigma of the relative scale error of each axis, drawn once per run."""
 
     misalignment_deg: NonNegative = 0.0
-    """1 sigma of the angles by which each axis leans towards the two others, drawn for a run."""
+    """1 sigma of the angles between each axis and its nominal direction, towards each of the other
+    two axes, drawn once per run."""
 
     bandwidth_hz: Bandwidth = 0.0
-    """Where the low pass of second order (Butterworth), which all but the orientation goes through,
-    has -3 dB; 0 for none."""
+    """-3 dB frequency of the second-order Butterworth low pass; 0 for no low pass. The orientation
+    is not filtered."""
 
     saturation: NonNegative = 0.0
-    """Largest magnitude that an axis measures, in the quantity's unit; 0 for no limit."""
+    """Largest magnitude of a measurement on an axis, in the quantity's unit; 0 for no limit."""
 
     resolution: NonNegative = 0.0
-    """Readings are rounded to multiples of it; 0 for none."""
+    """Quantization step of the readings, in the quantity's unit; 0 for none."""
 
     def __post_init__(self) -> None:
         if 0 < self.bandwidth_hz < 5:
@@ -74,13 +76,13 @@ class InertialNoise(Spec, frozen=True):
 
     @property
     def low_pass_ticks(self) -> int:
-        """After how many ticks something comes out of the low pass."""
+        """Settling time of the low pass in ticks."""
         return low_pass_ticks(self.bandwidth_hz)
 
 
 class GyroscopeNoise(InertialNoise, frozen=True):
-    """Errors of the gyroscope's axes."""
+    """Errors of the axes of the gyroscope."""
 
     g_sensitivity: NonNegative = 0.0
-    """1 sigma of the rate that an axis reads for each m/s^2 along x, y and z, in rad/s per m/s^2,
-    drawn for a run."""
+    """1 sigma of the rate error of an axis for each m/s^2 along x, y and z, in rad/s per m/s^2,
+    drawn once per run."""

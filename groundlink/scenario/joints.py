@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joints of a vehicle other than those of its wheels: a turret, a gun, a mast.
+"""Joints of a vehicle other than its wheel joints, such as a turret, a gun or a mast.
 
-Rule: a servo holds each joint where it is commanded to be. The links have no mass of their own, as
-their weight belongs to the chassis, so they do not push the base. They collide with nothing.
+A servo holds each joint at its commanded position. The links have no mass of their own, since the
+chassis includes their weight; moving them does not push the base. They do not collide.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ Pose = tuple[Vector3, Quaternion]
 
 
 class Joint(Spec, frozen=True, kw_only=True):
-    """One joint; its link is `<name>_link`."""
+    """A servo joint; its link is `<name>_link`."""
 
     name: Name
     kind: Literal["revolute", "prismatic"] = "revolute"
     parent: Name | None = None
-    """An earlier joint, whose link carries this one; none: the base."""
+    """Name of an earlier joint whose link carries this joint; none: the base."""
 
     at_m: Vector3
-    """Of the link's origin in the parent's frame, at position zero; the axes are parallel there."""
+    """Origin of the link in the parent's frame at position zero. The axes are parallel there."""
 
     axis: Vector3 = (0.0, 0.0, 1.0)
     lower: float | None = None
-    """Smallest position, rad or m; none: no limit."""
+    """Smallest position, rad or m; none: no limit. `upper` is the largest."""
 
     upper: float | None = None
     max_speed: Positive
-    """Of the servo, rad/s or m/s."""
+    """Speed limit of the servo, rad/s or m/s."""
 
     visuals: tuple[Solid, ...] = ()
-    """What the link looks like, in its frame."""
+    """Visual solids of the link, in its frame."""
 
     def __post_init__(self) -> None:
         if not hypot(*self.axis):
@@ -58,19 +58,19 @@ class Joint(Spec, frozen=True, kw_only=True):
 
     @property
     def unit_axis(self) -> Vector3:
-        """Of unit length."""
+        """Axis as a unit vector."""
         x, y, z = self.axis
         size = hypot(x, y, z)
         return x / size, y / size, z / size
 
 
 def check(joints: Sequence[Joint], others: Sequence[str]) -> None:
-    """Refuse joints with the names of others, or whose parents do not come before them.
+    """Refuse joints with names that are taken, or with parents that are not defined before them.
 
     Raises
     ------
     ValueError
-        with what was expected.
+        with the expected value.
     """
     known: set[str] = set()
     for joint in joints:
@@ -85,7 +85,7 @@ def check(joints: Sequence[Joint], others: Sequence[str]) -> None:
 
 
 def base_from_links(joints: Sequence[Joint], positions: Sequence[float]) -> list[Pose]:
-    """Return where each joint's link is in the base frame, at positions in rad or m."""
+    """Return base_from_link of each joint, at positions in rad or m."""
     poses: dict[str | None, Pose] = {None: ((0.0, 0.0, 0.0), IDENTITY_QUATERNION)}
     for joint, position in zip(joints, positions, strict=True):
         origin, turn = poses[joint.parent]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a camera's lens and its image sensor can be told.
+"""Scenario fields of a camera's lens and image sensor.
 
-Rule: every field at its default is ideal: a pinhole, and all pixels at one instant without noise.
-What the fields mean for pictures is in `services.sensors.rendering`: `lens`, `shutter`, `imager`.
+The defaults are ideal: a pinhole, and all pixels exposed at one instant without noise. The effects
+on pictures are in `services.sensors.rendering`: `lens`, `shutter` and `imager`.
 """
 
 from __future__ import annotations
@@ -17,30 +17,33 @@ COEFFICIENTS = {
     "plumb_bob": ("k1", "k2", "p1", "p2", "k3"),
     "equidistant": ("k1", "k2", "k3", "k4"),
 }
-"""Of each model, as sensor_msgs/distortion_models names and orders them."""
+"""Coefficient names of each distortion model, in the order of sensor_msgs/distortion_models."""
 
 
 class Lens(Spec, frozen=True, kw_only=True):
-    """What a lens does to a picture."""
+    """Optical errors of a lens."""
 
     model: Literal["plumb_bob", "equidistant"] = "plumb_bob"
-    """A usual lens, or a fisheye, whose distance from the middle grows with the angle."""
+    """`plumb_bob`: a conventional lens. `equidistant`: a fisheye lens, whose image radius grows
+    with the angle."""
 
     distortion: tuple[float, ...] = ()
-    """k1, k2, p1, p2, k3 of plumb_bob (k1 below zero is a barrel, above it a pincushion), or k1 to
-    k4 of equidistant; missing ones are zero. Angles of view are those with all at zero."""
+    """k1, k2, p1, p2, k3 of plumb_bob, or k1 to k4 of equidistant; missing coefficients are zero.
+    k1 below zero gives a barrel distortion, above zero a pincushion distortion. Fields of view
+    are those without distortion."""
 
     chromatic_aberration: Annotated[float, Meta(ge=-0.05, le=0.05)] = 0.0
-    """By which share red's image is larger than green's, and blue's smaller."""
+    """Relative enlargement of the red image against the green one; the blue image shrinks by as
+    much."""
 
     vignetting: Annotated[float, Meta(ge=0, le=10)] = 0.0
-    """v of 1 / (1 + v r^2)^2, the light that is left; r is 1 in the farthest corner."""
+    """v of 1 / (1 + v r^2)^2, the remaining share of the light; r is 1 in the farthest corner."""
 
     aperture_m: NonNegative = 0.0
-    """Diameter of the opening, focal length by f-number; 0 has all distances in focus."""
+    """Diameter of the aperture: focal length divided by f-number. 0: everything is in focus."""
 
     focus_m: Positive = 2.0
-    """Distance along the optical axis that is sharp."""
+    """Focus distance along the optical axis."""
 
     def __post_init__(self) -> None:
         names = COEFFICIENTS[self.model]
@@ -52,40 +55,42 @@ class Lens(Spec, frozen=True, kw_only=True):
 
     @property
     def is_straight(self) -> bool:
-        """Whether straight lines stay straight: nothing is distorted."""
+        """Whether the image of a straight line is straight, that is, without distortion."""
         return self.model == "plumb_bob" and not any(self.distortion)
 
     @property
     def coefficients(self) -> tuple[float, ...]:
-        """All of the model, as in CameraInfo."""
+        """Return all coefficients of the model, as in CameraInfo."""
         missing = len(COEFFICIENTS[self.model]) - len(self.distortion)
         return (*self.distortion, *(0.0,) * missing)
 
 
 class Imager(Spec, frozen=True, kw_only=True):
-    """How an image sensor makes numbers of light."""
+    """Exposure, noise and readout of an image sensor."""
 
     exposure_s: Annotated[float, Meta(ge=0, le=0.1)] = 0.0
-    """For how long each row is exposed; 10 ms are as bright as the ideal instant, 0."""
+    """Exposure time of each row. An exposure of 10 ms is as bright as the ideal exposure, 0."""
 
     gain: Positive = 1.0
-    """Factor of brightness behind the noise of light, so that noise grows with it."""
+    """Gain of the signal after the shot noise of light, so that it amplifies this noise."""
 
     readout_s: Annotated[float, Meta(ge=0, le=0.1)] = 0.0
-    """How much later than the first row the last one begins: a rolling shutter."""
+    """Time from the start of the first row's exposure to the start of the last row's: rolling
+    shutter."""
 
     poses: Annotated[int, Meta(ge=1, le=64)] = 1
-    """Views drawn for one picture, over exposure and readout: more than one for motion blur and
-    rolling shutter. Each costs a drawing."""
+    """Number of views rendered for one picture, over exposure and readout. Motion blur and rolling
+    shutter need more than one. The rendering time is proportional to it."""
 
     full_well_electrons: NonNegative = 0.0
-    """Of a pixel at full scale and gain 1, of which shot noise follows; 0 for no noise at all."""
+    """Electrons of a pixel at full scale and gain 1, which determine shot noise; 0 for no noise at
+    all."""
 
     read_noise_electrons: NonNegative = 0.0
-    """1 sigma, of each pixel."""
+    """Read noise of each pixel, 1 sigma."""
 
     black_level: Annotated[float, Meta(ge=0, lt=1)] = 0.0
-    """What a dark pixel says, as a share of full scale, in linear light."""
+    """Value of a dark pixel as a share of full scale, in linear light."""
 
     def __post_init__(self) -> None:
         if self.read_noise_electrons and not self.full_well_electrons:
@@ -98,5 +103,5 @@ class Imager(Spec, frozen=True, kw_only=True):
 
     @property
     def span_s(self) -> float:
-        """From the first row's beginning to the last one's end."""
+        """Return the time from the start of the first row's exposure to the last row's end."""
         return self.exposure_s + self.readout_s

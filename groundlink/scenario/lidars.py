@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What LiDARs can be told, with the defaults of an ideal one.
+"""Scenario fields of LiDARs; the defaults describe an ideal device.
 
-Rule: as in `sensors.py`. What goes together is checked here, so that mistakes are told with file
-and line before anything starts.
+Consistency between fields is checked here, so that the loader reports a mistake with file and line
+before any process starts.
 """
 
 from __future__ import annotations
@@ -25,100 +25,104 @@ from .faults import Quantity
 
 
 class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
-    """What every LiDAR with a turning head has: it fires all its lasers once per azimuth step."""
+    """Base of all LiDARs with a turning head, which fires all its lasers once per azimuth step."""
 
     quantities: ClassVar = {"range": Quantity("m")}
     rate_field: ClassVar[str] = "rotation_rate_hz"
 
     rotation_rate_hz: Rate = 10.0
     firings_per_revolution: Annotated[int, Meta(ge=16, le=36000)] = 3600
-    """Azimuth steps; 3600 at 10 Hz is 0.1 degrees."""
+    """Azimuth steps per revolution. 3600 steps at 10 Hz give a step of 0.1 degrees."""
 
     azimuth_resolution_deg: NonNegative = 0.0
-    """Of the head's own encoder: where it is read, the head is at a multiple of this; 0 for any."""
+    """Resolution of the head's encoder: at each encoder reading the head's azimuth is a multiple of
+    this value. 0: any azimuth."""
 
     firings_per_azimuth: Annotated[int, Meta(ge=1, le=360)] = 1
-    """From one reading of the encoder to the next; between them the head turns evenly."""
+    """Firings per encoder reading. Between two readings the head turns at a constant rate."""
 
     start_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0
-    """Azimuth of a revolution's first firing: 0 ahead, 90 to the left (REP 103)."""
+    """Azimuth of the first firing of a revolution: 0 ahead, 90 to the left (REP 103)."""
 
     rotation: Literal["clockwise", "counterclockwise"] = "clockwise"
-    """Seen from above."""
+    """Direction of rotation, seen from above."""
 
     field_of_view_deg: Annotated[float, Meta(gt=0, le=360)] = 360.0
-    """Azimuth from the first firing to the last, both included; beyond it nothing is fired."""
+    """Azimuth from the first firing to the last, both included. No laser fires outside it."""
 
     block_deg: NonNegative = 0.0
-    """Azimuth that one message holds: 0 for whole revolutions, or a whole part of the view."""
+    """Azimuth range of one message. 0 for whole revolutions; otherwise it divides the field of view
+    evenly."""
 
     elevations_deg: tuple[float, ...] = (0.0,)
-    """One a laser, from the lowest (ring 0) to the highest."""
+    """Elevation of each laser, from the lowest (ring 0) to the highest."""
 
     azimuth_offsets_deg: tuple[float, ...] = ()
-    """Of each laser ahead of the head's azimuth, as the head turns; none means zero."""
+    """Azimuth of each laser relative to the head, positive in the direction of rotation; empty:
+    zero."""
 
     vertical_offsets_m: tuple[float, ...] = ()
-    """Of each laser's origin above the sensor's; none means zero."""
+    """Height of each laser's origin above the sensor's origin; empty: zero."""
 
     laser_times_us: tuple[float, ...] = ()
-    """Of each laser after the start of its firing; none means all at once."""
+    """Time of each laser after the start of its firing; empty: all lasers fire at once."""
 
     divergence_mrad: tuple[NonNegative, NonNegative] = (0.0, 0.0)
-    """Width and height of a beam, full angles."""
+    """Width and height of a beam, as full angles."""
 
     rays_per_beam: Annotated[int, Meta(ge=1, le=64)] = 1
-    """Square number of rays that fill a beam evenly; 1 is its axis alone."""
+    """Number of rays that sample a beam evenly, a square number. 1: only the axis of the beam."""
 
     returns: Literal["strongest", "last", "dual"] = "strongest"
-    """What is reported of a beam that meets several things; `dual` is the last one and the
-    strongest, or the second strongest where the last is the strongest."""
+    """Returns that are reported if a beam hits several surfaces. `dual`: the last return and the
+    strongest, or the second strongest if the last is the strongest."""
 
     pulse_length_ns: Positive = 6.0
-    """Things nearer to each other than half the length of the pulse are one return, 0.9 m for 6
-    ns."""
+    """Pulse length. Surfaces closer to each other than half the length of the pulse give one
+    return: 0.9 m for 6 ns."""
 
     min_range_m: NonNegative = 0.0
     max_range_m: Positive = 100.0
     full_range_reflectivity: Fraction01 = 0.0
-    """Of a surface that is just seen, squarely, at the largest range in clear air; light goes with
-    reflectivity over distance squared. 0: everything up to the largest range is seen, whatever its
-    reflectivity and the weather."""
+    """Smallest reflectivity that is detected at the largest range, at normal incidence in clear
+    air. The received light is proportional to reflectivity over distance squared. 0: everything
+    up to the largest range is detected, whatever its reflectivity and the weather."""
 
     intensity: Literal["calibrated", "received"] = "calibrated"
-    """`calibrated`: reflectivity whatever the distance, 100 for white, 101 to 255 for
-    retroreflectors. `received`: the light that comes back, 100 for white at 10 m."""
+    """`calibrated`: reflectivity independent of distance, 100 for white, 101 to 255 for
+    retroreflectors. `received`: received light, 100 for white at 10 m."""
 
     range_stddev_m: NonNegative = 0.0
-    """White noise of one measurement, 1 sigma."""
+    """White noise of a range measurement, 1 sigma."""
 
     range_stddev_share: NonNegative = 0.0
-    """White noise that grows with the distance, as a share of it."""
+    """White noise proportional to the range, 1 sigma, as a share of the range."""
 
     laser_stddevs_m: tuple[NonNegative, ...] = ()
-    """White noise of each laser besides; none means none. Causes of noise are independent."""
+    """Additional white noise of each laser, 1 sigma; empty: none. All noise sources are
+    independent."""
 
     laser_bias_m: NonNegative = 0.0
-    """Half width of the uniform distribution of each laser's constant error."""
+    """Half width of the uniform distribution from which each laser's constant bias is drawn."""
 
     azimuth_stddev_deg: NonNegative = 0.0
-    """By which a beam's true azimuth differs from the reported one, 1 sigma."""
+    """Error of a beam's true azimuth against the reported one, 1 sigma."""
 
     elevation_stddev_deg: NonNegative = 0.0
-    """The same of its elevation."""
+    """Error of a beam's true elevation against the reported one, 1 sigma."""
 
     range_resolution_m: NonNegative = 0.0
-    """Ranges are rounded to multiples of it; 0 for none."""
+    """Quantization step of ranges; 0 for none."""
 
     dropout: Fraction01 = 0.0
-    """Share of returns that are lost at random."""
+    """Share of returns that are dropped at random."""
 
     def __post_init__(self) -> None:
         for problem in self._problems():
             raise ValueError(problem)
 
     def _problems(self) -> Iterator[str]:
-        """Yield what does not go together."""
+        """Yield the inconsistencies between fields."""
         lasers = len(self.elevations_deg)
         if not lasers:
             yield "`elevations_deg` is empty; expected an angle for each laser"
@@ -162,67 +166,68 @@ class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
 
     @property
     def measuring_s(self) -> float:
-        """Time that a block takes."""
+        """Duration of a block, in seconds."""
         return 1 / self.message_rate_hz
 
     def schedule(self) -> ReadingSchedule:
-        """Return when the blocks are due."""
+        """Return the schedule of the blocks."""
         return Blocks(self)
 
     @property
     def largest_block_firings(self) -> int:
-        """Firings of the largest block; where they don't divide evenly, some have one more."""
+        """Firings of the largest block. If they do not divide evenly, some blocks have one more."""
         return -(-self.firings_in_view // self.blocks_per_revolution)
 
     @property
     def firings_in_view(self) -> int:
-        """How many firings of a revolution there are."""
+        """Firings of a revolution within the field of view."""
         if self.field_of_view_deg == 360:
             return self.firings_per_revolution
         return int(exact(self.field_of_view_deg) * self.firings_per_revolution / 360) + 1
 
     @property
     def blocks_per_revolution(self) -> int:
-        """How many messages a revolution is sent in."""
+        """Messages per revolution."""
         return int(exact(self.field_of_view_deg) / exact(self.block_deg)) if self.block_deg else 1
 
     @property
     def cell_m(self) -> float:
-        """Half the length of a pulse: how far apart two things are that can just be told apart."""
+        """Range resolution: half the length of a pulse, in meters."""
         return LIGHT_MPS * self.pulse_length_ns * 1e-9 / 2
 
     @property
     def least_power(self) -> float:
-        """The weakest power that is noticed, in percent of a white surface's light over m^2."""
+        """Smallest detected power, in percent of a white surface's light over m^2."""
         return 100 * self.full_range_reflectivity / self.max_range_m**2
 
     @property
     def returns_per_ray(self) -> int:
-        """How many returns of a laser's shot are reported at most."""
+        """Largest number of reported returns of a laser's shot."""
         return 2 if self.returns == "dual" else 1
 
 
 LIGHT_MPS = 299_792_458.0
 
 _PER_LASER = ("azimuth_offsets_deg", "laser_stddevs_m", "laser_times_us", "vertical_offsets_m")
-"""Fields with one value for each laser, or none."""
+"""Fields with one value for each laser, or empty."""
 
 
 class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
     """A spinning 3D LiDAR."""
 
     elevations_deg: tuple[float, ...]
-    """One a laser, from the lowest (ring 0) to the highest."""
+    """Elevation of each laser, from the lowest (ring 0) to the highest."""
 
     native: Address | None = None
-    """Where a VLP-16's own data packets go besides; its position packets go to port 8308 there."""
+    """Address for the native data packets of a VLP-16, sent in addition. Position packets go to
+    port 8308 of the same host."""
 
     truth: bool = False
-    """Tell with each cloud, as `<topic>/truth`, where its points truly are and on which bodies."""
+    """Publish the true position and the body of each point of a cloud on `<topic>/truth`."""
 
     @property
     def truth_topic(self) -> str | None:
-        """ROS topic of the truth behind its clouds, if it tells that too."""
+        """ROS topic of the ground truth behind the clouds; None if it is not published."""
         return f"{self.topic}/truth" if self.truth else None
 
     def largest_message(self, carrier: Carrier) -> PointCloud:
@@ -232,12 +237,12 @@ class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
         return PointCloud(0, carrier.frame_prefix + self.frame, points)
 
     def ros_topics(self) -> dict[str, str]:
-        """Return the ROS topics of its clouds and, where it is told, of the truth behind them."""
+        """Return the ROS topics of the clouds and, if published, of their ground truth."""
         return {"": self.topic} | ({"truth": self.truth_topic} if self.truth_topic else {})
 
 
 class Lidar2d(RotatingLidar, frozen=True, tag="lidar_2d", kw_only=True):
-    """A planar scanner: one laser that turns."""
+    """A planar scanner: one rotating laser."""
 
     def _problems(self) -> Iterator[str]:
         yield from super()._problems()
@@ -249,7 +254,7 @@ class Lidar2d(RotatingLidar, frozen=True, tag="lidar_2d", kw_only=True):
             yield "`returns` is `dual`, but a scan holds one range a ray; choose one of them"
 
     def largest_message(self, carrier: Carrier) -> LaserScan:
-        """Return a block; it holds a range for each ray, met or not."""
+        """Return a block; it holds a range for each ray, with or without a return."""
         rays = packed(np.empty(self.largest_block_firings, np.float32))
         frame = carrier.frame_prefix + self.frame
         return LaserScan(0, frame, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, rays, rays)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far physics may be ahead of others in lockstep, with a wall clock or without.
+"""Checks of the lockstep window: how far physics may be ahead of the other processes.
 
-Rule: at least a period of the clock, by which the gateway tells its progress. At most so far that
-a sensor which crashed can be started again without a gap: it begins where its oldest measurement
-under way began (a revolution, an exposure, a message that a fault holds up), and physics keeps its
-last `HISTORY_TICKS` states.
+The window must be at least a period of the clock, since the gateway reports its progress with each
+clock message. It is limited so that a crashed sensor can restart without a gap. A restarted sensor
+resumes where its oldest measurement in progress began (a revolution, an exposure, or a message that
+a fault delays), and physics keeps only its last `HISTORY_TICKS` states.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from .faults import Delay
 from .schema import Time
 
 HISTORY_TICKS = 1024
-"""States that physics keeps for sensors that rejoin."""
+"""Number of states that physics keeps for sensors that rejoin."""
 
 
 def window_mistake(time: Time, sensors: Iterable[SensorSpec]) -> str | None:
-    """Return what is wrong with the window of a run in lockstep, or None."""
+    """Return the problem of the window of a lockstep run, or None."""
     window = time.window_ticks
     if window < TICK_RATE_HZ / time.clock_rate_hz:
         return (
@@ -41,6 +41,6 @@ def window_mistake(time: Time, sensors: Iterable[SensorSpec]) -> str | None:
 
 
 def _under_way_s(sensor: SensorSpec) -> float:
-    """Return how long after it began a measurement is published at the latest."""
+    """Return the longest time from the start of a measurement to its publication, in seconds."""
     late_s = max((fault.delay_s for fault in sensor.faults if isinstance(fault, Delay)), default=0)
     return late_s + sensor.measuring_s

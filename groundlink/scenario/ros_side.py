@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a run meets ROS: what a vehicle gives and takes there, and the gateway between.
+"""ROS side of a run: topics from and to a vehicle's stack, and the gateway.
 
-Rule: types say what is allowed, and nothing else does, as in `schema`, of which this is a part.
+A part of `schema`: the types alone define what is allowed.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ OTHER_STREAM_KINDS = (
     "pose",
     "transforms",
 )
-"""Kinds of streams that no sensor publishes as its main one."""
+"""Kinds of streams that are not the main stream of any sensor."""
 
 StreamKind: TypeAlias = str
-"""Kind of sensor, or one of `OTHER_STREAM_KINDS`."""
+"""A kind of sensor, or one of `OTHER_STREAM_KINDS`."""
 
 if not TYPE_CHECKING:
     _streamable = (name for name, kind in sensor_kinds().items() if kind.streamable)
@@ -39,16 +39,17 @@ if not TYPE_CHECKING:
 
 
 class Stream(Spec, frozen=True, kw_only=True):
-    """What another process puts on the bus under `vehicle/name`, for the gateway to carry."""
+    """Stream of another process, on the bus as `vehicle/name`, carried by the gateway."""
 
     name: Name
     kind: StreamKind
     topic: RosTopic
     rate_hz: Rate
-    """What that process publishes in a second of sim time."""
+    """Messages per second of sim time that the process publishes."""
 
     push: bool = True
-    """Send to the gateway's peer unasked; if not, only to those who subscribe."""
+    """True: the gateway sends the stream to its peer without a subscription. False: it sends the
+    stream to subscribers only."""
 
     repair: Repair = "none"
 
@@ -73,46 +74,47 @@ RosType = Literal[
     "std_msgs/String",
     "tf2_msgs/TFMessage",
 ]
-"""What the wire can bring; in files also as ROS 2 writes it, with `/msg/`."""
+"""Message types that can come from ROS. Scenario files may also use the ROS 2 form with `/msg/`."""
 
 TOLD_BY_THE_GATEWAY = frozenset({"/clock", "/tf", "/tf_static", "/ground_truth/tf"})
-"""Topics that can't come from ROS, as they go there."""
+"""Topics that the gateway publishes to ROS; they cannot come from ROS."""
 
 
 class FromRos(Spec, frozen=True):
-    """Topics of the vehicle's stack that the gateway puts on the bus."""
+    """ROS topics of the vehicle's stack that the gateway publishes on the bus."""
 
     pose: RosTopic | None = None
-    """geometry_msgs/PoseStamped: where the stack believes the vehicle to be."""
+    """geometry_msgs/PoseStamped: the stack's estimate of the vehicle's pose."""
 
     odometry: RosTopic | None = None
-    """nav_msgs/Odometry, the same with velocities."""
+    """nav_msgs/Odometry: the same estimate with velocities."""
 
     map: RosTopic | None = None
     """nav_msgs/OccupancyGrid."""
 
     joints: RosTopic | None = None
-    """sensor_msgs/JointState: where the vehicle's `joints` are to go; it commands them."""
+    """sensor_msgs/JointState: position commands for the vehicle's `joints`."""
 
     topics: dict[RosTopic, RosType] = field(default_factory=dict)
-    """Any others, by topic with their types, such as {/plan: nav_msgs/Path}."""
+    """Further topics with their types, such as {/plan: nav_msgs/Path}."""
 
     def all_topics(self) -> list[str]:
-        """Return every topic to subscribe to."""
+        """Return all topics to subscribe to."""
         named = (self.pose, self.odometry, self.map, self.joints)
         return [*(topic for topic in named if topic is not None), *self.topics]
 
 
 class TfTree(Spec, frozen=True):
-    """What the gateway tells of the vehicle's tf tree, beside the mounts of its sensors."""
+    """Transforms of the vehicle's tf tree that the gateway publishes, beside the sensor mounts."""
 
     odom: bool = True
-    """odom -> base_link, as the vehicle's first wheel odometry has it; false where a filter of the
-    stack tells it."""
+    """odom -> base_link from the vehicle's first wheel odometry. False: a filter of the stack
+    publishes it."""
 
     map: Literal["none", "identity", "truth"] = "none"
-    """map -> odom. `none`: a localisation of the stack tells it, as on a real robot; `identity`:
-    both are one; `truth`: what an ideal localisation would tell, and the map is the world."""
+    """map -> odom. `none`: a localization node of the stack publishes it, as on a real robot.
+    `identity`: both frames are equal. `truth`: the result of an ideal localization; the map
+    frame is the world frame."""
 
     def __post_init__(self) -> None:
         if self.map == "truth" and not self.odom:
@@ -120,41 +122,43 @@ class TfTree(Spec, frozen=True):
 
 
 class RmwZenoh(Spec, frozen=True):
-    """Where ROS 2 nodes that run rmw_zenoh find the gateway's topics; experimental."""
+    """Connection to ROS 2 nodes that run rmw_zenoh, without a bridge; experimental."""
 
     connect: str = "tcp/127.0.0.1:7447"
-    """Their Zenoh router, such as rmw_zenohd; not the run's."""
+    """Zenoh router of the ROS 2 nodes, such as rmw_zenohd. It is not the router of the run."""
 
     domain_id: Annotated[int, Meta(ge=0, le=232)] = 0
-    """Their ROS_DOMAIN_ID."""
+    """ROS_DOMAIN_ID of the nodes."""
 
     type_hashes: bool = True
-    """False for ROS 2 Humble, which has none."""
+    """Whether keys contain type hashes. False for ROS 2 Humble, which has none."""
 
 
 class GatewaySettings(Spec, frozen=True):
-    """The UDP Bridge's end on the simulator's side."""
+    """Settings of the gateway, the UDP Bridge endpoint on the simulator's side."""
 
     bind: Address = "127.0.0.1:7510"
     peer: Address = "127.0.0.1:7511"
-    """Where the ROS side listens; every stream with `push` goes there."""
+    """Address of the ROS side. All streams with `push` go there."""
 
     datagram: Literal["mtu", "loopback"] | Annotated[int, Meta(ge=256, le=65507)] = "loopback"
     signed_peer: bool = False
     peers: tuple[Peer, ...] = ()
-    """Whom the gateway hears, besides the peer's host; what others send is counted and dropped."""
+    """Hosts that the gateway accepts datagrams from, besides the peer's host. Datagrams from others
+    are counted and dropped."""
 
     key_file: str | None = None
-    """File with the key that both ends share, on the gateway's machine; none: nothing is sealed."""
+    """File with the key that both ends share, on the gateway's machine. None: datagrams are not
+    sealed."""
 
     key_env: str | None = None
-    """Environment variable with that key instead."""
+    """Environment variable with that key, instead of a file."""
 
     link: LinkScript | None = None
-    """What happens to datagrams on purpose; none: no emulation."""
+    """Emulated network impairments of the link; none: no emulation."""
 
     rmw_zenoh: RmwZenoh | None = None
-    """Topics on ROS 2's own Zenoh, too; none: by UDP Bridge alone."""
+    """Additional connection to ROS 2 by Zenoh; none: UDP Bridge only."""
 
     def __post_init__(self) -> None:
         if self.key_file is not None and self.key_env is not None:

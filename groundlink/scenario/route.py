@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a vehicle drives by itself: waypoints, or a figure that begins where it stands.
+"""Routes of vehicles with an autopilot: waypoints, or a figure relative to the spawn pose.
 
-Rule: one class a kind, the tag is the kind. What line on the floor that is, `groundlink.run.routes`
-says; how it is followed is the driver's business.
+Each kind of route is a class; its tag is the kind. `groundlink.run.routes` computes the path on the
+floor. The driver process follows it.
 """
 
 from __future__ import annotations
@@ -17,32 +17,32 @@ Side = Literal["left", "right"]
 
 
 class RouteSpec(Spec, frozen=True, tag_field="kind", kw_only=True):
-    """What every route has."""
+    """Base of all routes."""
 
     speed_mps: Positive = 0.5
     laps: Annotated[int, Meta(ge=1, le=1000)] = 1
-    """How often it is driven; waypoints have to be `closed` for more than once."""
+    """Number of laps. Waypoints must be `closed` for more than one."""
 
     wait_s: Annotated[float, Meta(ge=0, le=3600)] = 0.0
-    """Sim time for which the vehicle stands still first, as programs expect that estimate gravity
-    and biases at their start."""
+    """Sim time that the vehicle waits before it starts. Estimators of gravity and biases expect the
+    vehicle to be stationary at their start."""
 
 
 class Waypoint(Spec, frozen=True):
-    """A point on the floor, in the world, to be reached in a straight line from the one before."""
+    """A point on the floor in the world frame, at the end of a straight line."""
 
     x_m: float
     y_m: float
     speed_mps: Positive | None = None
-    """On the way to it, instead of the route's."""
+    """Speed on the line to this point; none: the route's speed."""
 
 
 class Waypoints(RouteSpec, frozen=True, tag="waypoints", kw_only=True):
-    """Straight lines from where the vehicle stands to the first point and on."""
+    """Straight lines from the spawn pose to the first point, then from point to point."""
 
     points: Annotated[tuple[Waypoint, ...], Meta(min_length=1)]
     closed: bool = False
-    """Go on from the last point to the first, so that a lap ends where it began."""
+    """Continue from the last point to the first one, so that a lap ends where it began."""
 
     def __post_init__(self) -> None:
         if self.laps > 1 and not self.closed:
@@ -52,28 +52,28 @@ class Waypoints(RouteSpec, frozen=True, tag="waypoints", kw_only=True):
 
 
 class Circle(RouteSpec, frozen=True, tag="circle"):
-    """A circle beside the vehicle, which starts on it and along it."""
+    """A circle through the vehicle's position, tangent to its heading."""
 
     radius_m: Positive = 1.0
     turn: Side = "left"
 
 
 class FigureEight(RouteSpec, frozen=True, tag="figure_eight"):
-    """Two circles that touch where the vehicle starts: the first on this side, then the other."""
+    """Two circles that touch at the vehicle's position; the one on the side of `turn` is first."""
 
     radius_m: Positive = 1.0
     turn: Side = "left"
 
 
 class Square(RouteSpec, frozen=True, tag="square"):
-    """A square whose first side lies before the vehicle; at corners it turns on the spot."""
+    """A square whose first side is ahead of the vehicle; the vehicle turns in place at corners."""
 
     side_m: Positive = 2.0
     turn: Side = "left"
 
 
 class ThereAndBack(RouteSpec, frozen=True, tag="there_and_back"):
-    """A line ahead, a turn on the spot, and the same line back."""
+    """A straight line ahead, a turn in place, and the same line back."""
 
     length_m: Positive = 2.0
 
@@ -86,18 +86,19 @@ FIGURES: dict[str, type[Circle | FigureEight | Square | ThereAndBack]] = {
     "square": Square,
     "there_and_back": ThereAndBack,
 }
-"""Kinds that need nothing but their name."""
+"""Kinds of routes that can be given by their name alone."""
 
 DRIVER_PERIOD_TICKS = 8
-"""A driver steers 50 times a second of sim time."""
+"""Period of the driver, in ticks: it steers 50 times per second of sim time."""
 
 COMMAND_AHEAD_TICKS = 8
-"""A driver's command is stamped this long after the state that it answers."""
+"""Time from a state to the stamp of the driver's command for it, in ticks."""
 
 DRIVER_WINDOW_TICKS = DRIVER_PERIOD_TICKS + COMMAND_AHEAD_TICKS
 """How far physics may be ahead of the last state that a driver acknowledged, in fast mode.
 
 A driver sends its command before it acknowledges every `DRIVER_PERIOD_TICKS`. The command for state
-k acts in the step from k + ahead. Physics gets beyond that step only with an acknowledgement of k,
-since the one before, k - period, lets it come no further than k + ahead. So every command is there
-when it is due, whatever the machine does meanwhile."""
+k acts in the step from k + ahead. Physics passes that step only after an acknowledgement of k,
+since the previous one, k - period, allows it to reach k + ahead at most. Every command is therefore
+present when it is due, at any speed of the machine.
+"""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Running gear: wheels, suspension, and the kinds of drives.
+"""Running gear: wheels, suspension and kinds of drives.
 
-One class a kind of drive; its tag is the kind. A drive says which wheels share a shaft and which
-shafts have a motor. Physics computes how wheels and ground move.
+Each kind of drive is a class; its tag is the kind. A drive defines which wheels share a shaft and
+which shafts have a motor. Physics computes the motion of wheels and ground contact.
 """
 
 from __future__ import annotations
@@ -23,104 +23,107 @@ LEFT_TRACK, RIGHT_TRACK = "left_track", "right_track"
 
 
 class Suspension(Spec, frozen=True):
-    """A spring and damper that carries one wheel along the base's z."""
+    """Spring and damper that carry one wheel along the base's z axis."""
 
     travel_m: Positive = 0.06
-    """To each side of the loaded rest."""
+    """Travel in each direction from the position at rest under load."""
 
     stiffness_npm: Positive = 8000.0
     damping_nspm: Positive = 500.0
 
 
 class Wheel(Spec, frozen=True, kw_only=True):
-    """One wheel; its joint is `<name>`, its link `<name>_link`."""
+    """A wheel; its joint is `<name>`, its link `<name>_link`."""
 
     name: Name
     center_m: Vector3
-    """In the base frame, springs at their loaded rest."""
+    """Center of the wheel in the base frame, with springs at rest under load."""
 
     radius_m: Positive
     width_m: Positive
     mass_kg: Positive
     inertia_kgm2: Positive | None = None
-    """About its axle; none: that of the uniform cylinder."""
+    """Moment of inertia about the axle; none: that of a uniform cylinder."""
 
     friction: NonNegative = 0.8
     axle_friction_ratio: Fraction01 = 1.0
-    """Friction along the axle as a share of that in rolling direction: less skids round easier,
-    and sideways down a slope."""
+    """Friction along the axle as a share of the friction in rolling direction. Lower values make
+    skid turns easier, and let the vehicle slide sideways on a slope."""
 
     restitution: Fraction01 = 0.0
     rolling_resistance: NonNegative = 0.0
-    """Force against rolling as a share of the load."""
+    """Rolling resistance force as a share of the load."""
 
     axle_damping_nmsprad: NonNegative = 0.0
-    """Torque of the bearing against the turning wheel, for each rad/s."""
+    """Friction torque of the bearing, for each rad/s of the wheel."""
 
     caster: bool = False
-    """Never driven or braked: a ball that slides in every direction, by `friction`, as a wheel does
-    that swivels freely. A few hundredths stand for its rolling resistance."""
+    """A caster is never driven or braked. It is modeled as a sphere that slides in all directions
+    with `friction`, like a wheel that swivels freely. A few hundredths represent its rolling
+    resistance."""
 
     suspension: Suspension | None = None
-    """None: the vehicle's. There is always one: where the real wheel has no spring, its tire."""
+    """Suspension of this wheel; none: the vehicle's. A suspension always exists; for a real wheel
+    without a spring it stands for the tire."""
 
     material: str = "rubber"
-    """What it looks like: a cylinder of radius and width about its axle, the link's y."""
+    """Material of the default visual: a cylinder of radius and width about the axle, the link's y
+    axis."""
 
     visuals: tuple[Solid, ...] = ()
-    """What it looks like if not that, in its link's frame."""
+    """Visual solids in the link's frame, instead of the cylinder."""
 
     @property
     def axle_inertia_kgm2(self) -> float:
-        """Moment of inertia about the axle."""
+        """Return the moment of inertia about the axle."""
         return self.inertia_kgm2 or self.mass_kg * self.radius_m**2 / 2
 
 
 @dataclass(frozen=True)
 class Shaft:
-    """Wheels that turn together: those of a track, or one wheel alone."""
+    """Wheels that rotate together: all wheels of a track, or a single wheel."""
 
     name: str
-    """Of the wheel, or of the track: what its motor, its counter and its commands are called."""
+    """Name of the wheel or of the track, used for its motor, encoder and commands."""
 
     wheels: tuple[int, ...]
-    """By their place in the model. They roll equally fast, whatever their radii."""
+    """Indices of the wheels in the model. All roll at the same speed, whatever their radii."""
 
     radius_m: float
-    """By which the shaft's speed (rad/s) becomes that of the tread (m/s)."""
+    """Radius that converts the shaft's speed (rad/s) to the speed of the tread (m/s)."""
 
     driven: bool = True
     inertia_kgm2: float = 0.0
-    """Of what turns with it beside the wheels."""
+    """Inertia of the parts that rotate with the shaft, without the wheels."""
 
 
 class Motor(Spec, frozen=True, kw_only=True):
-    """A direct current motor with its gear, one for each driven shaft, seen from the shaft.
+    """A DC motor with its gear, one for each driven shaft; all figures apply at the shaft.
 
-    At full voltage its torque falls in a line from `stall_torque_nm` at rest to nothing at
-    `no_load_speed_radps`; both fall with the battery's voltage.
+    At full voltage its torque falls linearly from `stall_torque_nm` at rest to zero at
+    `no_load_speed_radps`. Both are proportional to the battery's voltage.
     """
 
     stall_torque_nm: Positive
     no_load_speed_radps: Positive
     latency_s: Annotated[float, Meta(ge=0, le=1)] = 0.0
-    """From a command's instant to that at which the motor begins to act on it."""
+    """Delay from the time of a command until the motor acts on it."""
 
 
 class Battery(Spec, frozen=True, kw_only=True):
-    """What feeds the motors: its voltage falls with its charge and with the current."""
+    """Battery of the motors. Its voltage falls with its charge and with the current."""
 
     capacity_ah: Positive
     full_v: Positive
-    """With no current, at full charge; the motor's figures are at this voltage."""
+    """Open-circuit voltage at full charge. The motor's figures apply at this voltage."""
 
     empty_v: Positive
     resistance_ohm: NonNegative = 0.0
     idle_power_w: NonNegative = 0.0
-    """What computers and sensors draw all the time."""
+    """Constant power of computers and sensors."""
 
     charge: Fraction01 = 1.0
-    """At the start of the run, of its capacity."""
+    """State of charge at the start of the run, as a share of the capacity."""
 
     def __post_init__(self) -> None:
         if self.empty_v > self.full_v:
@@ -128,21 +131,22 @@ class Battery(Spec, frozen=True, kw_only=True):
 
 
 class DriveSpec(Spec, frozen=True, tag_field="kind", kw_only=True):
-    """What every drive has: limits of its joints and of its controller."""
+    """Base of all drives: limits of the joints and of the controller."""
 
     max_wheel_torque_nm: Positive
-    """Of each driven shaft, also when it brakes: what the controller lets the motor do."""
+    """Torque limit of the controller for each driven shaft, when it drives and when it brakes."""
 
     max_wheel_speed_radps: Positive
     motor: Motor | None = None
-    """None: one that has all of the above at any speed, at once."""
+    """Motor of each driven shaft; none: an ideal motor that reaches the torque limit at any speed,
+    without delay."""
 
     max_acceleration_mps2: Positive = 3.0
     max_angular_acceleration_radps2: Positive = 6.0
-    """How fast the controller lets the commanded velocity change."""
+    """Limit of the angular acceleration that the controller applies to the commanded velocity."""
 
     command_timeout_s: Positive = 0.5
-    """Sim time after which an unrepeated command no longer moves the vehicle."""
+    """Command timeout: sim time after which the vehicle stops if no command is received."""
 
     def shafts(self, wheels: Sequence[Wheel]) -> tuple[Shaft, ...]:
         """Return every shaft, driven or not; casters have none."""
@@ -153,15 +157,15 @@ class DriveSpec(Spec, frozen=True, tag_field="kind", kw_only=True):
         )
 
     def drives(self, index: int, wheels: Sequence[Wheel]) -> bool:
-        """Return whether a wheel that is no caster has a motor."""
+        """Return whether a wheel other than a caster has a motor."""
         return True
 
     def counted(self, wheels: Sequence[Wheel]) -> tuple[Shaft, ...]:
-        """Return the shafts that have encoders: by these a vehicle knows where it has come to."""
+        """Return the shafts that have encoders, for wheel odometry."""
         return tuple(shaft for shaft in self.shafts(wheels) if shaft.driven)
 
     def pivot_x_m(self, wheels: Sequence[Wheel]) -> float:
-        """Return where along x the point is that does not move sideways in a turn."""
+        """Return the x coordinate of the point without sideways motion in a turn."""
         return 0.0
 
     def _counted_x_m(self, wheels: Sequence[Wheel]) -> float:
@@ -174,7 +178,7 @@ class DriveSpec(Spec, frozen=True, tag_field="kind", kw_only=True):
         Raises
         ------
         ValueError
-            with what was expected.
+            with the expected value.
         """
         sides = {wheels[i].center_m[1] > 0 for shaft in self.counted(wheels) for i in shaft.wheels}
         if len(sides) != 2:
@@ -182,14 +186,14 @@ class DriveSpec(Spec, frozen=True, tag_field="kind", kw_only=True):
 
 
 class SideSteered(DriveSpec, frozen=True, kw_only=True):
-    """The difference between the sides turns the vehicle."""
+    """Base of the drives that turn by a speed difference between left and right."""
 
     track_multiplier: Positive = 1.0
-    """Effective over geometric track: what the controller multiplies the yaw rate's share by."""
+    """Effective over geometric track width, a factor on the controller's yaw rate term."""
 
 
 class SkidSteer(SideSteered, frozen=True, tag="skid_steer"):
-    """All wheels are driven; those of one side turn alike."""
+    """All wheels are driven; the wheels of one side turn at the same speed."""
 
     def check(self, wheels: Sequence[Wheel]) -> None:
         """Refuse casters."""
@@ -202,11 +206,11 @@ class Differential(SideSteered, frozen=True, tag="differential"):
     """Two driven wheels; all others are casters."""
 
     def pivot_x_m(self, wheels: Sequence[Wheel]) -> float:
-        """Return where the driven wheels' axle is."""
+        """Return the x coordinate of the driven wheels' axle."""
         return self._counted_x_m(wheels)
 
     def check(self, wheels: Sequence[Wheel]) -> None:
-        """Refuse other numbers."""
+        """Refuse any other number of driven wheels than two."""
         driven = sum(not wheel.caster for wheel in wheels)
         if driven != 2:
             raise ValueError(
@@ -219,16 +223,16 @@ class Differential(SideSteered, frozen=True, tag="differential"):
 class Tracked(SideSteered, frozen=True, tag="tracked"):
     """Two tracks: the road wheels of a side turn together, and one encoder counts each side.
 
-    A track touches the ground where its wheels do; give them an `axle_friction_ratio` below 1 to
-    skid round as easily as the real one.
+    A track touches the ground where its wheels do. An `axle_friction_ratio` below 1 makes it turn
+    as easily as a real track.
     """
 
     sprocket_radius_m: Positive | None = None
-    """Motors' and encoders' figures are those of sprockets of this radius; none: of the road
-    wheels."""
+    """Radius of the sprockets, at which the figures of motors and encoders apply; none: the radius
+    of the road wheels."""
 
     belt_mass_kg: NonNegative = 0.0
-    """Of each track, for its inertia; its weight belongs to the chassis."""
+    """Mass of each belt, for its inertia. The chassis includes its weight."""
 
     def shafts(self, wheels: Sequence[Wheel]) -> tuple[Shaft, ...]:
         """Return the two tracks."""
@@ -240,7 +244,7 @@ class Tracked(SideSteered, frozen=True, tag="tracked"):
         return tuple(tracks)
 
     def check(self, wheels: Sequence[Wheel]) -> None:
-        """Refuse casters and fewer than two wheels a side."""
+        """Refuse casters and fewer than two wheels on a side."""
         if any(wheel.caster for wheel in wheels):
             raise ValueError("a `tracked` drive has no casters")
         if min(len(track.wheels) for track in self.shafts(wheels)) < 2:
@@ -248,7 +252,7 @@ class Tracked(SideSteered, frozen=True, tag="tracked"):
 
 
 class Ackermann(DriveSpec, frozen=True, tag="ackermann", kw_only=True):
-    """Steered like a car: the front wheels' axles meet on the line of the rear ones.
+    """Car-like steering: the axles of the front wheels meet on the line of the rear axle.
 
     Encoders are on the wheels that are not steered.
     """
@@ -258,16 +262,16 @@ class Ackermann(DriveSpec, frozen=True, tag="ackermann", kw_only=True):
 
     driven: Literal["rear", "front", "all"] = "rear"
     max_steering_deg: Annotated[float, Meta(gt=0, lt=80)] = 30.0
-    """To each side: the range of each steered wheel's joint."""
+    """Largest steering angle in each direction: the range of each steered wheel's joint."""
 
     steering_speed_degps: Positive = 120.0
-    """How fast the joint turns at most."""
+    """Largest speed of the steering joint."""
 
     steering_torque_nm: Positive = 200.0
-    """With which it turns or holds each wheel at most."""
+    """Largest torque that turns or holds each steered wheel."""
 
     def drives(self, index: int, wheels: Sequence[Wheel]) -> bool:
-        """Return whether a wheel has a motor; the steered ones are the front's."""
+        """Return whether a wheel has a motor; the steered wheels are the front ones."""
         return self.driven == "all" or (wheels[index].name in self.steered) == (
             self.driven == "front"
         )
@@ -277,17 +281,17 @@ class Ackermann(DriveSpec, frozen=True, tag="ackermann", kw_only=True):
         return tuple(s for s in self.shafts(wheels) if s.name not in self.steered)
 
     def pivot_x_m(self, wheels: Sequence[Wheel]) -> float:
-        """Return where the axle is that is not steered."""
+        """Return the x coordinate of the axle that is not steered."""
         return self._counted_x_m(wheels)
 
     def least_radius_m(self, wheels: Sequence[Wheel]) -> float:
-        """Return the radius of the circle on which the inner wheel is steered as far as it goes."""
+        """Return the turning radius with the inner wheel at its largest steering angle."""
         pivot_x_m, slope = self.pivot_x_m(wheels), tan(radians(self.max_steering_deg))
         centers = [wheel.center_m for wheel in wheels if wheel.name in self.steered]
         return max((x - pivot_x_m) / slope + abs(y) for x, y, _ in centers)
 
     def check(self, wheels: Sequence[Wheel]) -> None:
-        """Refuse steered wheels that do not stand before the others."""
+        """Refuse steered wheels that are not in front of the others."""
         names = [wheel.name for wheel in wheels]
         for name in self.steered:
             if name not in names:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A resolved scenario: every reference followed, every default filled in.
+"""Resolved scenario: every reference is followed and every default is filled in.
 
-Rule: types say what is allowed, and nothing else does. Defaults live here, scenario files override
-them, and the resolved scenario is saved with each run's report. Angles and units are those of data
-sheets, named in the field; they are converted once, where they are used.
+The types alone define what is allowed. Defaults are defined here and scenario files override them.
+The resolved scenario is saved with each run's report. Quantities are in the units of data sheets,
+which field names state; the code that uses them converts them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ from .sensor_kinds import sensor_union
 from .vehicle import VehicleModel
 
 Sensor: TypeAlias = SensorSpec
-"""Any installed kind, told apart by its tag. Type checkers see what all kinds share."""
+"""A sensor of any installed kind, identified by its tag. Type checkers see the fields that all
+kinds share."""
 
 if not TYPE_CHECKING:
     Sensor = sensor_union()
@@ -39,115 +40,121 @@ if not TYPE_CHECKING:
 RESERVED_NAMES = frozenset(
     "ack assets bodies clock control faults gaps health journal link scenario state".split()
 )
-"""Second parts of the bus's own keys, so no names for vehicles."""
+"""Second parts of the bus's own keys. Vehicles cannot have these names."""
 
 RESERVED_SENSOR_NAMES = frozenset({"command", "driver", "from_ros", "ground_truth", "vitals"})
-"""Last parts of a vehicle's own keys, and the name of its driver."""
+"""Last parts of a vehicle's own keys, and the name of its driver. Sensors cannot have these names.
+"""
 
 ACKS_PER_WINDOW = 8
-"""How often sensors tell their progress while physics gets as far ahead as it may."""
+"""Number of progress reports of a sensor while physics advances by one lockstep window."""
 
 NAMESPACE = r"^(/[A-Za-z0-9_]+)*$"
 
 
 class Datum(Spec, frozen=True):
-    """Where on the Earth (WGS 84) a world's origin is; its axes are east, north and up there."""
+    """Position of the world's origin on the Earth (WGS 84); its axes point east, north and up."""
 
     latitude_deg: Annotated[float, Meta(ge=-90, le=90)]
     longitude_deg: Annotated[float, Meta(ge=-180, le=180)]
     altitude_m: float = 0.0
-    """Above the ellipsoid."""
+    """Height above the ellipsoid."""
 
     geoid_m: float = 0.0
-    """Height of the geoid, by which maps and NMEA count altitude, above the ellipsoid."""
+    """Height of the geoid above the ellipsoid. Maps and NMEA sentences give altitudes above the
+    geoid."""
 
 
 class World(Spec, frozen=True, kw_only=True):
-    """What stands around the vehicles."""
+    """Static world and moving actors around the vehicles."""
 
     name: Name
     datum: Datum | None = None
-    """None: nowhere on the Earth, so satellites cannot be received."""
+    """Geographic position of the world; none: satellites cannot be received."""
 
     materials: dict[str, Material]
     room: Room | None = None
     furniture: tuple[Furniture, ...] = ()
     outdoors: tuple[OutdoorObject, ...] = ()
-    """Houses, fences, plants; what a file's `scatter` sows is among them."""
+    """Houses, fences, plants. Includes the objects that a file's `scatter` places."""
 
     solids: tuple[Solid, ...] = ()
-    """Single static shapes, where no kind of furniture fits."""
+    """Single static shapes, for objects that no kind of furniture describes."""
 
     actors: tuple[Actor, ...] = ()
-    """Bodies that move by themselves, or when they are pushed."""
+    """Bodies that move along a path, or when they are pushed."""
 
     terrain: Terrain | None = None
-    """None: no ground but that of room and solids."""
+    """Terrain; none: the only ground is that of the room and of solids."""
 
     clutter: Clutter | None = None
     checkpoints: dict[Name, tuple[float, float]] = field(default_factory=dict)
-    """Places on the floor, x and y in metres, where errors are looked at; a report tells when each
-    was passed."""
+    """Positions on the floor, x and y in meters, at which errors are evaluated. The report gives
+    the time at which each was passed."""
 
     light: Sun | Lamps | None = None
-    """None: a lamp amid a room's ceiling, the sun where there is no room."""
+    """Light sources; none: a lamp in the center of the room's ceiling, or the sun if there is no
+    room."""
 
     weather: Weather = Weather()
 
 
 class Placement(Spec, frozen=True):
-    """Where a vehicle starts: its base footprint on the ground, in the world."""
+    """Spawn place of a vehicle: its base footprint on the ground, in the world frame."""
 
     x_m: float = 0.0
     y_m: float = 0.0
     z_m: float = 0.0
-    """Above the ground there: the terrain, or z = 0 where there is none."""
+    """Height above the ground: the terrain, or z = 0 without terrain."""
 
     yaw_deg: float = 0.0
 
 
 class GroundTruth(Spec, frozen=True):
-    """What physics publishes of a vehicle without error, for comparison and never for a stack."""
+    """Ground truth of a vehicle, published by physics for evaluation. A stack must not use it."""
 
     topic: RosTopic | None = None
-    """Of the odometry: `ground_truth/odom` in the vehicle's namespace unless given."""
+    """Topic of the odometry; default: `ground_truth/odom` in the vehicle's namespace."""
 
     wheels_topic: RosTopic | None = None
-    """Of the wheels' angles, speeds and torques: `ground_truth/wheels`, in the same way."""
+    """Topic of the wheels' angles, speeds and torques; default: `ground_truth/wheels` in the
+    vehicle's namespace."""
 
     joints_topic: RosTopic | None = None
-    """Of positions and speeds of the vehicle's other joints: `ground_truth/joints`, likewise."""
+    """Topic of positions and speeds of the vehicle's other joints; default: `ground_truth/joints`
+    in the vehicle's namespace."""
 
     rate_hz: Rate = 50.0
     push: bool = False
 
 
 class BodyPoses(Spec, frozen=True):
-    """The true poses of all bodies, from physics: what moves and what stands still."""
+    """True poses of all bodies, moving and static, published by physics."""
 
     topic: RosTopic = "/ground_truth/bodies"
     rate_hz: Rate = 10.0
-    """Less than of one vehicle's truth: there may be hundreds of bodies, and most stand still."""
+    """Rate of the poses. It is lower than that of a vehicle's ground truth, since there may be
+    hundreds of bodies and most do not move."""
 
     push: bool = False
 
 
 class Vehicle(Spec, frozen=True, kw_only=True):
-    """One vehicle of a run."""
+    """A vehicle of a run."""
 
     name: Name
     model: VehicleModel
     placement: Placement = Placement()
     namespace: Annotated[str, Meta(pattern=NAMESPACE)] = ""
-    """Of topics that do not begin with a slash: `/name` where there are several vehicles."""
+    """Namespace of topics that do not begin with a slash: `/name` if a run has several vehicles."""
 
     command_topic: RosTopic = "/cmd_vel"
     command_type: Literal["Twist", "TwistStamped"] = "Twist"
-    """What the stack publishes there, both of geometry_msgs; a stamp is not looked at, as a command
-    acts when it comes."""
+    """geometry_msgs type that the stack publishes on that topic. Stamps are ignored: a command acts
+    when it arrives."""
 
     frame_prefix: FramePrefix = ""
-    """Put before the vehicle's frame names: `name/` where several vehicles share one tf tree."""
+    """Prefix of the vehicle's frame names: `name/` if several vehicles share a tf tree."""
 
     tf: TfTree = TfTree()
     sensors: tuple[Sensor, ...] = ()
@@ -155,52 +162,54 @@ class Vehicle(Spec, frozen=True, kw_only=True):
     ground_truth: GroundTruth = GroundTruth()
     from_ros: FromRos = FromRos()
     route: Route | None = None
-    """Where a driver of its own drives it; none: it waits for commands."""
+    """Route of the autopilot; none: the vehicle waits for commands."""
 
 
 FIXED_EPOCH_NANOS = 1_000_000_000 * NANOS
-"""2001-09-09 01:46:40 UTC, where runs begin that do not follow the wall clock. Sim time can be read
-from the digits of a stamp. tf takes a stamp of 0 for "the newest", so it is no good beginning; a
-date long past is not mistaken for that of the recording."""
+"""Epoch of runs that do not follow the wall clock: 2001-09-09 01:46:40 UTC. Sim time can be read
+from the digits of a stamp. A stamp of 0 is unsuitable, since tf reads it as "the newest". A date
+in the past cannot be mistaken for the date of the recording."""
 
 
 class Time(Spec, frozen=True):
-    """How sim time runs, who is waited for, and what stamps mean."""
+    """Clock of a run: mode, lockstep participants, and epoch of the stamps."""
 
     mode: Literal["realtime", "fast", "lockstep"] = "realtime"
-    """`realtime` keeps to the wall clock; `lockstep` never steps before all who take part have
-    followed, and keeps to the wall clock as well as that allows; `fast` is lockstep without one."""
+    """`realtime`: sim time follows the wall clock. `lockstep`: physics does not step before all
+    participants have followed, and follows the wall clock as far as that allows. `fast`:
+    lockstep without a wall clock."""
 
     lockstep: Literal["sensors", "ros"] = "sensors"
-    """Who takes part in lockstep and fast mode, besides drivers: the sensors, or ROS as well."""
+    """Participants in lockstep and fast mode, besides drivers: the sensors, or the sensors and ROS.
+    """
 
     factor: Annotated[float, Meta(gt=0)] = 1.0
-    """Sim seconds for each second of the wall's, in realtime and lockstep mode."""
+    """Sim seconds per second of the wall clock, in realtime and lockstep mode."""
 
     overload: Literal["slow", "skip", "fail"] = "slow"
-    """What gives way when a process cannot keep up: time, which stretches; the readings, which are
-    left out and marked; or the run, which ends."""
+    """Reaction if a process cannot keep up. `slow`: sim time slows down. `skip`: readings are left
+    out and marked as missing. `fail`: the run ends."""
 
     deadline_s: Annotated[float, Meta(gt=0)] = 5.0
-    """For so long on the wall clock a process may hold up the run before it is named, and before
-    `overload` acts."""
+    """Wall time for which a process may delay the run before it is reported and before `overload`
+    acts."""
 
     catch_up: Annotated[float, Meta(ge=0, le=0.05)] = 0.05
-    """In realtime mode: how much faster than `factor` time goes after a hold-up, as a fraction,
-    until stamps are back at the wall clock; with 0 they stay behind."""
+    """Realtime mode: how much faster than `factor` sim time runs after a stall, as a fraction,
+    until stamps match the wall clock again. With 0 they stay behind."""
 
     epoch: Literal["wall", "fixed", "zero"] | None = None
-    """Stamp of sim time zero: the wall clock's at the start, 1,000,000,000 s, or zero. Default:
-    `wall` in realtime mode, otherwise `fixed`."""
+    """Stamp of sim time zero. `wall`: the wall clock at the start. `fixed`: 1,000,000,000 s.
+    `zero`: 0. Default: `wall` in realtime mode, otherwise `fixed`."""
 
     clock_rate_hz: Annotated[float, Meta(gt=0, le=400)] = 100.0
     window_ticks: Annotated[int, Meta(ge=8)] = 400
-    """Physics is at most this far ahead of the slowest process that it waits for; a period of the
-    clock or more, since gateway and recorder tell their progress with each message of the clock."""
+    """Largest lead of physics over the slowest process that it waits for. At least a period of the
+    clock, since gateway and recorder report their progress with each clock message."""
 
     answers: dict[RosTopic, RosTopic] = field(default_factory=lambda: {"/cmd_vel": "/clock"})
-    """With `lockstep: ros`: on which topic ROS publishes one message for each message of which
-    other topic. Time goes on when it has."""
+    """With `lockstep: ros`: each key is a topic on which ROS answers, and its value the topic that
+    it answers, one message for each message. Sim time advances after the answers."""
 
     def __post_init__(self) -> None:
         if isinf(self.factor):
@@ -224,7 +233,7 @@ class Time(Spec, frozen=True):
 
     @property
     def epoch_nanos(self) -> int | None:
-        """Return the stamp of sim time zero; None for the wall clock's at the start."""
+        """Return the stamp of sim time zero; None for the wall clock at the start."""
         match self.epoch or ("wall" if self.mode == "realtime" else "fixed"):
             case "wall":
                 return None
@@ -235,19 +244,22 @@ class Time(Spec, frozen=True):
 
     @property
     def waits(self) -> bool:
-        """Whether sensors that are behind are waited for, so that none leaves readings out."""
+        """Whether physics waits for sensors that are behind, so that no readings are left out."""
         return self.mode != "realtime" or self.overload != "skip"
 
     @property
     def ack_ticks(self) -> int:
-        """How often sensors tell their progress: ROS hears of an instant when all are beyond it."""
+        """Period in ticks at which sensors report progress.
+
+        The gateway sends the messages of an instant to ROS after all sensors have passed it.
+        """
         if self.lockstep == "ros":
             return int(TICK_RATE_HZ / exact(self.clock_rate_hz))
         return self.window_ticks // ACKS_PER_WINDOW
 
 
 class Scenario(Spec, frozen=True, kw_only=True):
-    """A run: a seed, a world, vehicles with their sensors, and how it meets ROS."""
+    """A run: seed, world, vehicles with their sensors, and the ROS side."""
 
     name: Name
     description: str = ""
@@ -259,7 +271,7 @@ class Scenario(Spec, frozen=True, kw_only=True):
     gateway: GatewaySettings = GatewaySettings()
 
     def sensor(self, name: str) -> tuple[Vehicle, SensorSpec] | None:
-        """Return the vehicle and the sensor called `vehicle/sensor`, or None."""
+        """Return the vehicle and the sensor named `vehicle/sensor`, or None."""
         for vehicle in self.vehicles:
             for sensor in vehicle.sensors:
                 if f"{vehicle.name}/{sensor.name}" == name:
@@ -267,7 +279,7 @@ class Scenario(Spec, frozen=True, kw_only=True):
         return None
 
     def with_only(self, name: str) -> Scenario:
-        """Return the scenario without all sensors but the one called `vehicle/sensor`."""
+        """Return the scenario with the sensor named `vehicle/sensor` as its only one."""
         vehicles = (
             replace(v, sensors=tuple(s for s in v.sensors if f"{v.name}/{s.name}" == name))
             for v in self.vehicles
@@ -283,7 +295,7 @@ class Scenario(Spec, frozen=True, kw_only=True):
         return vehicle.ground_truth.wheels_topic or f"{vehicle.namespace}/ground_truth/wheels"
 
     def true_joints_topic(self, vehicle: Vehicle) -> str:
-        """Return the ROS topic of the true positions of a vehicle's joints, other than wheels."""
+        """Return the ROS topic of the true positions of a vehicle's joints other than wheels."""
         return vehicle.ground_truth.joints_topic or f"{vehicle.namespace}/ground_truth/joints"
 
     def true_topics(self, vehicle: Vehicle) -> list[str]:
@@ -296,7 +308,7 @@ class Scenario(Spec, frozen=True, kw_only=True):
         return f"{vehicle.namespace}/vitals"
 
     def sensor_names(self) -> list[str]:
-        """Return every sensor as `vehicle/sensor`, in the scenario's order."""
+        """Return all sensors as `vehicle/sensor`, in the order of the scenario."""
         return [f"{v.name}/{s.name}" for v in self.vehicles for s in v.sensors]
 
 
@@ -304,15 +316,16 @@ __all__ = ["Placement", "Scenario", "Time", "Vector3", "Vehicle", "World"]
 
 
 class Addition(Spec, frozen=True):
-    """What is added to a scenario."""
+    """Objects to be added to the world of a run."""
 
     solids: tuple[Solid, ...] = ()
     actors: tuple[Actor, ...] = ()
     vehicles: tuple[Vehicle, ...] = ()
     materials: dict[str, Material] = field(default_factory=dict)
-    """What it is made of; where the world has one of that name, the world's counts."""
+    """Materials of the added objects. A material of the world with the same name takes precedence.
+    """
 
     def names(self) -> list[str]:
-        """Return what its things are called."""
+        """Return the names of the added objects."""
         vehicles, actors = (v.name for v in self.vehicles), (a.name for a in self.actors)
         return [*vehicles, *actors, *(solid.name for solid in self.solids)]

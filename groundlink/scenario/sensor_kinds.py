@@ -30,9 +30,9 @@ OWN_DISTRIBUTION = "groundlink"
 
 @dataclass(frozen=True, kw_only=True)
 class MessageSupport:
-    """Parts that Groundlink needs to handle a message type that a kind brings along.
+    """Parts that Groundlink needs to handle a message type that a kind defines.
 
-    Both are `module:object` references, imported by the processes that need them.
+    Both are `module:object` references. Only the processes that need them import them.
     """
 
     codec: str
@@ -53,48 +53,50 @@ class Problem(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class SensorKind:
-    """One kind of sensor: its specification, its streams and where its model is.
+    """One kind of sensor: its specification, its streams and the reference to its model.
 
     Models and all that they import are `module:object` references. Only the sensor's own process
     imports them. The package that holds the model must run as `python -m <package>`.
     """
 
     spec: type[SensorSpec]
-    """Fields of a scenario. The tag of the Struct is the name of the kind."""
+    """Struct with the fields of a scenario. Its tag is the name of the kind."""
 
     streams: Mapping[str, type[BusMessage]]
     """BusMessage type of each stream; the main stream has the empty name."""
 
     model: str
-    """Callable `(scenario, vehicle, spec) -> SensorModel`."""
+    """Factory of the model: a callable `(scenario, vehicle, spec) -> SensorModel`."""
 
     check: str = ""
-    """Callable `(spec, vehicle, scenario) -> Iterable[Problem]`: what the types cannot state."""
+    """Callable `(spec, vehicle, scenario) -> Iterable[Problem]` for checks that types cannot state.
+    """
 
     native: str = ""
-    """Callable `(model, spec) -> NativeDevice`, where the device's own datagrams are known."""
+    """Callable `(model, spec) -> NativeDevice`, if the device's own datagrams are implemented."""
 
     extra: str = ""
     """Extra of Groundlink that installs the libraries of the model."""
 
     sees_world: bool = False
-    """The model has a copy of the world and must be built again when the world changes."""
+    """Whether the model has a copy of the world. It is built again after a change of the world."""
 
     bulky: bool = False
-    """Messages are so large that small ones must not wait behind them."""
+    """Whether messages are so large that small messages must not wait behind them."""
 
     streamable: bool = True
-    """Other processes may publish the main stream (`vehicles.streams` in a scenario)."""
+    """Whether other processes may publish the main stream (`vehicles.streams` in a scenario)."""
 
     messages: Mapping[type[BusMessage], MessageSupport] = field(default_factory=dict)
-    """BusMessage types that the kind brings along."""
+    """BusMessage types that the kind defines."""
 
     disturb: Mapping[str, str] = field(default_factory=dict)
-    """By quantity of the specification: callable `(reading, offsets) -> reading` for faults. A
-    quantity that names its `field` needs none."""
+    """For each quantity of the specification, a callable `(reading, offsets) -> reading` that
+    applies a fault. A quantity with a `field` needs none."""
 
     cover: str = ""
-    """Callable `(reading, begin_rad, width_rad) -> reading` for the fault `occluded_sector`."""
+    """Callable `(reading, begin_rad, width_rad) -> reading` that applies the fault
+    `occluded_sector`."""
 
     @property
     def name(self) -> str:
@@ -115,7 +117,7 @@ def load_reference(reference: str) -> Any:
 
 @cache
 def sensor_kinds() -> Mapping[str, SensorKind]:
-    """Return all installed kinds by name: the shipped ones first, each group in order of names.
+    """Return all installed kinds by name: shipped kinds first, each group sorted by name.
 
     Raises
     ------
@@ -140,7 +142,7 @@ def distribution_of(kind: str) -> str:
 
 
 def sheet_folders() -> list[Path]:
-    """Return the folders `sheets` of the packages of all kinds, where there are some."""
+    """Return the `sheets` folders of all kinds' packages that have one."""
     specs = (find_spec(kind.package) for kind in sensor_kinds().values())
     folders = [
         Path(location) / "sheets"
@@ -157,7 +159,7 @@ def kind_of(spec: SensorSpec) -> SensorKind:
     Raises
     ------
     UserError
-        when the kind is not installed here; the line names the package to install.
+        when the kind is not installed; the error names the package to install.
     """
     if isinstance(spec, UnknownSensor):
         raise UserError(spec.problem)
@@ -173,7 +175,7 @@ def _loaded(entry: EntryPoint) -> SensorKind:
     where = f"sensor kind `{entry.name}` of the package `{_distribution(entry)}`"
     try:
         kind = entry.load()
-    except Exception as error:  # whatever a package of others raises, no traceback of ours
+    except Exception as error:  # The package is not ours and may raise anything.
         raise UserError(
             f"{where}: cannot import {entry.value}: {error}. Fix: update or uninstall the package"
         ) from error

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each kind of sensor can be told, with the defaults of an ideal one.
+"""Scenario fields of the shipped kinds of sensors; the defaults describe ideal devices.
 
-Rule: one class a kind; the tag is the kind, and the kind is the name of the process's folder in
-`services/sensors`. A data sheet is a file of these fields; the scenario's own fields win over it.
+Each kind is a class. Its tag is the kind, and the kind is the name of the process's folder in
+`services/sensors`. A data sheet is a file of these fields; fields of the scenario override it.
 """
 
 from __future__ import annotations
@@ -69,23 +69,24 @@ class InertialUnit(SensorSpec, frozen=True, tag="imu"):
     }
     rate_hz: Rate = 400.0
     accelerometer: InertialNoise = InertialNoise()
-    """In m/s^2."""
+    """Errors of the accelerometer, in m/s^2."""
 
     gyroscope: GyroscopeNoise = GyroscopeNoise()
-    """In rad/s."""
+    """Errors of the gyroscope, in rad/s."""
 
     orientation_stddev_deg: NonNegative = 0.0
     noise_source: Literal["marsaglia", "numpy"] = "marsaglia"
-    """How normal numbers are made: by the polar method, as in the paper, or by numpy's ziggurat."""
+    """Generator of normally distributed numbers: Marsaglia's polar method as in the paper, or
+    numpy's ziggurat."""
 
     def schedule(self) -> ReadingSchedule:
-        """Return when samples are due: the first window begins when the low passes are full."""
+        """Return the schedule of samples; it begins after the low passes have settled."""
         ticks = max(triad.low_pass_ticks for triad in (self.accelerometer, self.gyroscope))
         filled = Events(self.rate_hz).at_or_after(TICK_NANOS * ticks)
         return Events(self.rate_hz, filled + 1)
 
     def largest_message(self, carrier: Carrier) -> messages.Imu:
-        """Return a sample; all are of one size."""
+        """Return a sample; all have the same size."""
         frame, still = carrier.frame_prefix + self.frame, (0.0, 0.0, 0.0)
         return messages.Imu(0, frame, (0.0, 0.0, 0.0, 1.0), still, still, 0.0, 0.0, 0.0)
 
@@ -93,44 +94,46 @@ class InertialUnit(SensorSpec, frozen=True, tag="imu"):
 class Encoders(SensorSpec, frozen=True, tag="encoders"):
     """Incremental encoders, counted by the motor controller.
 
-    On every driven wheel, on each track's sprocket, on those wheels of a car that are not steered.
+    They are on every driven wheel, on each track's sprocket, or on the wheels of a car that are not
+    steered.
     """
 
     quantities: ClassVar = {"ticks": Quantity("ticks", EACH_WHEEL)}
     rate_hz: Rate = 50.0
     ticks_per_revolution: Annotated[int, Meta(gt=0)] = 4096
-    """Periods of the encoder in one turn of the shaft that it sits on; 6 for Hall sensors, whose
-    shaft turns by a pair of poles. With the next three fields at 1: counts for one turn of the
-    wheel, x4 decoding and gearing included."""
+    """Periods of the encoder per revolution of its own shaft; 6 for Hall sensors, per electrical
+    revolution (one pole pair). If the next three fields are 1: counts per revolution of the
+    wheel, with x4 decoding and gearing included."""
 
     quadrature: Literal[1, 2, 4] = 1
-    """Edges that are counted in a period."""
+    """Edges that are counted per period."""
 
     pole_pairs: Annotated[int, Meta(gt=0)] = 1
-    """Of a motor whose Hall sensors are counted."""
+    """Pole pairs of a motor whose Hall sensors are counted."""
 
     gear_ratio: Positive = 1.0
-    """Turns of the encoder's shaft for one of the wheel."""
+    """Revolutions of the encoder's shaft per revolution of the wheel."""
 
     reversed_wheels: tuple[str, ...] = ()
-    """Wheels whose counter counts down when they roll forward: motors mounted mirror-wise."""
+    """Wheels whose counters count down when they roll forward, such as motors mounted in mirror
+    image."""
 
     start_ticks: Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)] = 0
-    """What every counter says when physics starts; beyond 64 bits counters wrap."""
+    """Initial value of every counter. Counters wrap at 64 bits."""
 
     missed_ticks: Fraction01 = 0.0
-    """Probability that an edge goes by uncounted."""
+    """Probability that an edge is not counted."""
 
     scale_stddev: NonNegative = 0.0
-    """1 sigma of each wheel's relative error of scale, drawn for a run: a tire whose radius is not
-    the nominal one."""
+    """1 sigma of the relative scale error of each wheel, drawn once per run. It stands for a tire
+    whose radius differs from the nominal one."""
 
     slip_stddev: NonNegative = 0.0
-    """1 sigma, in radians after a radian, by which a wheel's counted angle strays from what it
-    rolled on the ground; it grows with the root of the angle."""
+    """1 sigma, in radians after one radian, of the difference between a wheel's counted angle and
+    the angle that it rolled on the ground. It grows with the square root of the angle."""
 
     resets_s: tuple[NonNegative, ...] = ()
-    """Sim times after which the counters begin at zero again, in order."""
+    """Sim times, in order, at which the counters restart at zero."""
 
     def __post_init__(self) -> None:
         if list(self.resets_s) != sorted(self.resets_s):
@@ -138,7 +141,7 @@ class Encoders(SensorSpec, frozen=True, tag="encoders"):
 
     @property
     def ticks_per_wheel_revolution(self) -> float:
-        """Counts for one turn of the wheel, if none is missed."""
+        """Counts per revolution of the wheel, without missed edges."""
         return self.ticks_per_revolution * self.quadrature * self.pole_pairs * self.gear_ratio
 
     def largest_message(self, carrier: Carrier) -> messages.WheelEncoders:
@@ -148,7 +151,7 @@ class Encoders(SensorSpec, frozen=True, tag="encoders"):
 
 
 class WheelOdometry(SensorSpec, frozen=True, tag="wheel_odometry", kw_only=True):
-    """Where the motor controller believes to be, by the counters of its wheels alone."""
+    """Odometry of the motor controller, from the wheel counters alone."""
 
     mounted: ClassVar[bool] = False
     quantities: ClassVar = {
@@ -157,30 +160,31 @@ class WheelOdometry(SensorSpec, frozen=True, tag="wheel_odometry", kw_only=True)
     }
 
     encoders: str
-    """The vehicle's sensor of kind `encoders` whose counters it reads."""
+    """Name of the vehicle's sensor of kind `encoders` whose counters are used."""
 
     rate_hz: Rate = 50.0
     track_multiplier: Positive | None = None
-    """Effective over geometric track, as the controller is told; none: that of the drive, 1 for a
-    car's."""
+    """Effective over geometric track width, as configured in the controller; none: the value of the
+    drive, 1 for a car."""
 
     wheel_radius_m: Positive | None = None
-    """As the controller is told, of wheels or sprockets; none: that of the vehicle's model."""
+    """Radius of wheels or sprockets, as configured in the controller; none: the radius of the
+    vehicle model."""
 
     travel_stddev: NonNegative = 0.001
-    """1 sigma of each side's travel after a meter, in meters, beyond what the encoders err by; it
-    grows with the root of the distance."""
+    """1 sigma of each side's travel after one meter, in meters, in addition to the errors of the
+    encoders. It grows with the square root of the distance."""
 
     turn_stddev_share: NonNegative | None = None
-    """1 sigma of the effective track's relative error, a constant of a run; none: that of the
-    drive."""
+    """1 sigma of the relative error of the effective track width, constant for a run; none: the
+    value of the drive."""
 
     skid_stddev_s: NonNegative | None = None
-    """1 sigma of the skid velocity, along and sideways, for each m/s^2 of lateral acceleration
-    (m/s), a constant of a run; none: that of the drive."""
+    """1 sigma of the skid velocity (m/s), along and sideways, for each m/s^2 of lateral
+    acceleration, constant for a run; none: the value of the drive."""
 
     def largest_message(self, carrier: Carrier) -> Odometry:
-        """Return an odometry; all are of one size."""
+        """Return an odometry message; all have the same size."""
         still, level = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
         frames = (carrier.frame_prefix + self.frame, carrier.frame_prefix + carrier.base_frame)
         unsure = packed(np.zeros(36))
@@ -188,57 +192,57 @@ class WheelOdometry(SensorSpec, frozen=True, tag="wheel_odometry", kw_only=True)
 
 
 class PositionNoise(Spec, frozen=True):
-    """Errors of a satellite receiver along an axis, with the whole sky in view."""
+    """Errors of a satellite receiver along an axis, with an unobstructed sky."""
 
     white_stddev_m: NonNegative = 0.0
-    """1 sigma of what is new in each fix."""
+    """1 sigma of the white noise of each fix."""
 
     drift_stddev_m: NonNegative = 0.0
-    """1 sigma of what wanders slowly (a Gauss-Markov process), as the atmosphere's share does."""
+    """1 sigma of the slow drift (a Gauss-Markov process), such as the error of the atmosphere."""
 
 
 Polygon = Annotated[tuple[tuple[float, float], ...], Meta(min_length=3)]
-"""Corners x, y in the world, in metres; the last is joined to the first."""
+"""Corners x, y in the world frame, in meters. The last corner is connected to the first."""
 
 Azimuth = Annotated[float, Meta(ge=0, lt=360)]
 Elevation = Annotated[float, Meta(gt=0, le=90)]
 
 
 class Gnss(SensorSpec, frozen=True, tag="gnss"):
-    """A receiver of satellite navigation; its mount is where the antenna's phase centre is."""
+    """A satellite navigation receiver; its mount is the phase center of the antenna."""
 
     native: Address | None = None
-    """Where the receiver's NMEA sentences go besides, by UDP."""
+    """Address for the receiver's NMEA sentences by UDP, sent in addition."""
 
     quantities: ClassVar = {"position": Quantity("m", ("east", "north", "up"))}
     rate_hz: Annotated[float, Meta(gt=0, le=20)] = 5.0
     solution: Literal["single_point", "sbas", "rtk_float", "rtk_fix"] = "single_point"
-    """What the receiver says of its fixes: NavSatFix.status, the quality in GGA."""
+    """Type of solution, which determines NavSatFix.status and the quality in GGA."""
 
     horizontal: PositionNoise = PositionNoise()
-    """Of east and of north, each."""
+    """Errors of the east and north position, each."""
 
     vertical: PositionNoise = PositionNoise()
     drift_time_s: Annotated[float, Meta(ge=1)] = 60.0
-    """After which the drift has forgotten all but 1/e of itself."""
+    """Correlation time of the drift: its autocorrelation falls to 1/e."""
 
     velocity_stddev_mps: NonNegative = 0.0
-    """White, of each axis; velocities are in the NMEA sentences."""
+    """White noise of each axis of the velocity, 1 sigma. Velocities are in the NMEA sentences."""
 
     startup_s: NonNegative = 0.0
-    """Sim time until the first fix; messages without a fix come before."""
+    """Sim time until the first fix. Earlier messages have no fix."""
 
     latency_s: Annotated[float, Meta(ge=0, le=1)] = 0.0
-    """From the instant of measurement, the stamp, to the message."""
+    """Time from the instant of measurement, which is the stamp, to the message."""
 
     outages: tuple[Polygon, ...] = ()
-    """Where there is no fix."""
+    """Areas without a fix."""
 
     sky_view: bool = False
-    """Solids and vehicles hide satellites from the antenna."""
+    """Whether solids and vehicles block satellites from the antenna."""
 
     satellites_needed: Annotated[int, Meta(ge=4)] = 4
-    """With fewer in view there is no fix."""
+    """Smallest number of satellites in view for a fix."""
 
     satellites_deg: Annotated[tuple[tuple[Azimuth, Elevation], ...], Meta(min_length=4)] = (
         (15.0, 72.0),
@@ -252,10 +256,10 @@ class Gnss(SensorSpec, frozen=True, tag="gnss"):
         (301.0, 43.0),
         (338.0, 22.0),
     )
-    """Azimuth, clockwise from north, and elevation of each; they stand still. The default is made
-    up."""
+    """Azimuth, clockwise from north, and elevation of each satellite; they do not move. The default
+    is an invented constellation."""
 
     def largest_message(self, carrier: Carrier) -> NavSatFix:
-        """Return a fix; all are of one size."""
+        """Return a fix; all have the same size."""
         frame = carrier.frame_prefix + self.frame
         return NavSatFix(0, frame, 0, 0, 0.0, 0.0, 0.0, packed(np.zeros(9)), 0)

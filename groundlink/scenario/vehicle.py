@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A vehicle as data: bodies, wheels on springs, what it looks like; its drive is in `drives`.
+"""Vehicle model: bodies, wheels on springs, joints and visuals. `running_gear` has the drives.
 
-Rule: enough to write a URDF from and nothing that only one physics engine knows. The base frame is
-at axle height in the middle between the wheels, x forward, y left, z up (REP 103, 105). All wheels
-of a vehicle that stands on level ground touch it, but those that are held higher on purpose, as at
-the ends of a track.
+The model has enough information for a URDF, and nothing specific to a physics engine. The base
+frame is at axle height in the middle between the wheels, x forward, y left, z up (REP 103, 105). On
+level ground all wheels touch the ground, except those that are mounted higher on purpose, such as
+at the ends of a track.
 """
 
 from __future__ import annotations
@@ -33,36 +33,39 @@ from .running_gear import (
 )
 
 ROUNDED = 1.01
-"""Moments of inertia of flat things add up but for the digits that are left out."""
+"""Tolerance of the triangle inequality of moments of inertia. A flat body meets it with equality,
+and data sheets round."""
 
 LOADED_M = 0.002
-"""Wheels whose lowest points differ by less stand on level ground together."""
+"""Height difference, in meters, below which the lowest points of two wheels both touch level
+ground."""
 
 
 class Chassis(Spec, frozen=True, kw_only=True):
-    """The sprung body: a box that meets walls and ground."""
+    """The sprung body: a box that collides with walls and ground."""
 
     mass_kg: Positive
     size_m: Size3
     center_m: Vector3 = (0.0, 0.0, 0.0)
-    """Of the box, in the base frame: its centre of mass."""
+    """Center of the box in the base frame, which is its center of mass."""
 
     inertia_kgm2: Size3 | None = None
-    """Moments about the centre of mass, along x, y and z; none: those of the uniform box."""
+    """Moments of inertia about the center of mass, along x, y and z; none: those of a uniform box.
+    """
 
     collides: bool = True
-    """Whether the box meets things; otherwise only `collisions` of the vehicle do."""
+    """Whether the box collides. If not, only the vehicle's `collisions` do."""
 
     friction: NonNegative = 0.4
     restitution: Fraction01 = 0.0
-    """Of the speed at which it meets something, the share with which it comes back."""
+    """Coefficient of restitution of collisions."""
 
     linear_damping_per_s: NonNegative = 0.0
-    """By which share of itself every velocity falls in a second, of all bodies of the vehicle."""
+    """Share by which every velocity of all bodies of the vehicle decreases per second."""
 
     angular_damping_per_s: NonNegative = 0.0
     drag_area_m2: NonNegative = 0.0
-    """Drag coefficient times frontal area: the air's resistance grows with the speed squared."""
+    """Drag coefficient times frontal area; the drag force is proportional to the speed squared."""
 
     def __post_init__(self) -> None:
         moments = self.inertia_kgm2 or (0.0,)
@@ -74,7 +77,7 @@ class Chassis(Spec, frozen=True, kw_only=True):
 
 
 class VehicleModel(Spec, frozen=True, kw_only=True):
-    """A kind of vehicle."""
+    """Model of a vehicle."""
 
     name: str
     base_frame: Frame = "base_link"
@@ -83,22 +86,22 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
     wheels: Annotated[tuple[Wheel, ...], Meta(min_length=2)]
     drive: Drive
     battery: Battery | None = None
-    """None: never empty."""
+    """Battery of the motors; none: a supply that never runs empty."""
 
     joints: tuple[Joint, ...] = ()
-    """Others than those of the wheels, parents before their children."""
+    """Joints other than wheel joints, parents before children."""
 
     mounts: dict[str, Mount] = field(default_factory=dict)
-    """Places for sensors, by name."""
+    """Sensor mounts by name."""
 
     collisions: tuple[Solid, ...] = ()
-    """What else of the base link meets things, beside the chassis' box: a mast."""
+    """Collision solids of the base link, beside the chassis box, such as a mast."""
 
     visuals: tuple[Solid, ...] = ()
-    """What the base link looks like to sensors and people, in the base frame."""
+    """Visual solids of the base link, for sensors and viewers, in the base frame."""
 
     materials: dict[str, Material] = field(default_factory=dict)
-    """What it brings along, for worlds that do not list them: a world's own win."""
+    """Materials of the model. A material of the world with the same name takes precedence."""
 
     def __post_init__(self) -> None:
         names = [wheel.name for wheel in self.wheels]
@@ -106,7 +109,8 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
             raise ValueError("two `wheels` have one name; give each its own")
         for wheel in self.wheels:
             spring = wheel.suspension or self.suspension
-            # Of the wheel in the air, by the rule that keeps its motion from growing.
+            # Limits for a wheel in the air: a numerically stable step keeps its oscillation from
+            # growing.
             if (most := 1.5 * wheel.mass_kg / TICK_SECONDS) < spring.damping_nspm:
                 raise ValueError(
                     f"the damper of `{wheel.name}` is too hard for its {wheel.mass_kg:g} kg; "
@@ -122,7 +126,7 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
 
     @property
     def base_height_m(self) -> float:
-        """Of the base frame above level ground, with springs at their loaded rest."""
+        """Height of the base frame above level ground, with springs at rest under load."""
         return max(wheel.radius_m - wheel.center_m[2] for wheel in self.wheels)
 
     def stands_on(self, wheel: Wheel) -> bool:
@@ -136,18 +140,18 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
 
     @property
     def counted(self) -> tuple[Shaft, ...]:
-        """Shafts whose turns encoders count."""
+        """Shafts that have encoders."""
         return self.drive.counted(self.wheels)
 
     @property
     def least_radius_m(self) -> float:
-        """Of the narrowest circle of the base's origin; 0 for one that turns on the spot."""
+        """Smallest turning radius of the base's origin; 0 for a vehicle that turns in place."""
         drive = self.drive
         return drive.least_radius_m(self.wheels) if isinstance(drive, Ackermann) else 0.0
 
     @property
     def top_speed_mps(self) -> float:
-        """The speed straight on at which a driven shaft turns as fast as it may."""
+        """Largest speed in a straight line, at the largest speed of the driven shafts."""
         driven = (shaft for shaft in self.drive.shafts(self.wheels) if shaft.driven)
         return self.drive.max_wheel_speed_radps * min(shaft.radius_m for shaft in driven)
 

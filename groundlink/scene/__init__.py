@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scene: what a scenario's world holds as solids, body numbers, vehicle links and spawn poses.
+"""Scene: solids, body numbers, vehicle links and spawn poses of a scenario's world.
 
 May be imported by everything above `scenario` and `world`. Reads no file.
 """

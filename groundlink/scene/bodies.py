@@ -22,7 +22,7 @@ NO_BODY = 2**32 - 1
 
 
 def link_bodies(scenario: Scenario) -> list[str]:
-    """Return the names of the bodies that move, in the order of their numbers."""
+    """Return the names of the moving bodies in the order of their numbers."""
     links = [f"{v.name}/{link}" for v in scenario.vehicles for link in v.model.link_names()]
     return [*links, *(actor.name for actor in scenario.world.actors)]
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""World builder: turns a scenario into its static solids and computes the world hash.
+"""World builder: computes a scenario's static solids and the world hash.
 
-Physics and every replica build the world on their own and compare hashes, so the result must be
-the same to the bit on every machine. Vehicles are not part of the built solids.
+Physics and every replica build the world independently and compare hashes. The result must
+therefore be identical to the bit on every machine. Vehicles are not part of the built solids.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from .bodies import link_bodies
 from .spawn_pose import spawn_pose
 
 STRIP_M = 0.45
-"""Width of the strip of floor along the walls where clutter may lie."""
+"""Width of the strip of floor along the walls in which clutter is placed."""
 
 SPAWN_CLEARANCE_M = 0.5
 """Clearance between clutter and a vehicle's chassis at its spawn place."""
@@ -48,12 +48,12 @@ _CANONICAL = msgspec.msgpack.Encoder(order="deterministic")
 
 
 class WorldError(UserError):
-    """A world that cannot be built.
+    """Error of a world that cannot be built.
 
     Attributes
     ----------
     path
-        keys and indices from the scenario to the field at fault.
+        keys and indices from the scenario to the invalid field.
     """
 
     def __init__(self, path: Path, problem: str) -> None:
@@ -63,7 +63,7 @@ class WorldError(UserError):
 
 
 class UnknownMaterial(WorldError):
-    """A material that the world does not list."""
+    """Error for a material that the world does not define."""
 
 
 def solids(scenario: Scenario) -> tuple[Solid, ...]:
@@ -87,7 +87,7 @@ def solids(scenario: Scenario) -> tuple[Solid, ...]:
         built += build_outdoor_object(index, thing)
     built += world.solids
     if world.clutter:
-        # A random stream of its own, so that other uses of the seed do not move the clutter.
+        # An independent random stream: other uses of the seed must not move the clutter.
         generator = np.random.default_rng([scenario.seed, crc32(b"clutter")])
         if world.room:
             surfaces += _strips(world.room)
@@ -134,7 +134,7 @@ def _check_materials(scenario: Scenario) -> None:
 
 
 def _materials(scenario: Scenario) -> Iterator[tuple[Path, str]]:
-    """Yield every use of a material as its path in the scenario and its name."""
+    """Yield every use of a material: its path in the scenario, and its name."""
     world = scenario.world
     if room := world.room:
         yield ("world", "room", "wall_material"), room.wall_material
@@ -185,9 +185,9 @@ def _of_form(form: Form) -> Iterator[tuple[Path, str]]:
 
 
 def _strips(room: Room) -> list[SupportSurface]:
-    """Return the floor along the four walls as surfaces of about a meter.
+    """Return the floor along the four walls as surfaces about one meter long.
 
-    In pieces, so that each wall is chosen in proportion to its length.
+    Each surface is chosen with equal probability, so a wall is chosen in proportion to its length.
     """
     length, width, height = room.size_m
     floor = LocalFrame("floor")
@@ -203,7 +203,7 @@ def _strips(room: Room) -> list[SupportSurface]:
 
 
 def _kept_free(scenario: Scenario) -> list[Bounds]:
-    """Return boxes kept free of clutter: around spawn places and inside the door."""
+    """Return the boxes without clutter: around spawn places and inside the door."""
     keep = []
     for vehicle in scenario.vehicles:
         chassis = vehicle.model.chassis

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scenario of a run under way with something more in it, or something less.
+"""Changes of a running scenario: add or remove objects.
 
-Rule: pure; a changed world is another scenario with another hash. Clutter becomes plain solids
-first, so that nothing is strewn anew. What is added has to have a name and a place of its own.
+The functions are pure. A changed world is another scenario with another hash. Clutter is first
+converted to plain solids, so that it keeps its positions. An added object needs a unique name and a
+free position.
 """
 
 from __future__ import annotations
@@ -29,23 +30,23 @@ from groundlink.world.solids import Solid
 from groundlink.world.terrain import Ground
 
 RESTS_M = 0.01
-"""How far what is put down may be in what it stands on."""
+"""Largest overlap, in meters, of an added object with the surface that it stands on."""
 
 
 def with_more(
     scenario: Scenario, more: Addition, moving: Sequence[Solid], *, seconds: float
 ) -> Scenario:
-    """Return a scenario to which something was added at a sim time.
+    """Return a scenario with an addition at a sim time.
 
     Parameters
     ----------
     moving
-        what of vehicles and actors meets things, where they are now.
+        collision solids of vehicles and actors at their current poses.
 
     Raises
     ------
     UserError
-        when a name is taken, a material is unknown, or a place is occupied.
+        when a name is taken, a material is unknown, or a position is occupied.
     """
     standing = solids(scenario)
     taken = [*_names(scenario), *(solid.name for solid in standing)]
@@ -74,14 +75,14 @@ def with_more(
 
 
 def without(scenario: Scenario, name: str) -> Scenario:
-    """Return a scenario from which a vehicle, an actor or a solid was taken.
+    """Return a scenario without a vehicle, an actor or a solid.
 
-    All solids that begin with the name and an underscore are parts of the same thing.
+    All solids whose names begin with the name and an underscore are parts of the same object.
 
     Raises
     ------
     UserError
-        when there is no such thing, or it is one that has to stay.
+        when there is no such object, or it cannot be removed.
     """
     frozen = _frozen(scenario)
     world = frozen.world
@@ -107,7 +108,7 @@ def _names(scenario: Scenario) -> list[str]:
 
 
 def _frozen(scenario: Scenario) -> Scenario:
-    """Return a scenario whose clutter stands among its solids, in the same order."""
+    """Return a scenario with its clutter converted to solids, in the same order."""
     world = replace(scenario.world, clutter=None)
     strewn = solids(scenario)[len(solids(replace(scenario, world=world))) :]
     return replace(scenario, world=replace(world, solids=(*world.solids, *strewn)))
@@ -120,7 +121,7 @@ def _check_room(
     moving: Sequence[Solid],
     seconds: float,
 ) -> None:
-    """Refuse what would be put into something; what stands may be in what stands."""
+    """Refuse added objects that overlap others. Static solids may overlap static solids."""
     ground = ground_of(changed)
     there = [*standing, *moving]
     for solid in more.solids:
@@ -141,7 +142,7 @@ def _check_room(
 def _check_floor(
     name: str, bodies: Sequence[Solid], standing: Sequence[Solid], ground: Ground | None
 ) -> None:
-    """Refuse what would stand beside everything in a world without terrain."""
+    """Refuse objects beside all solids in a world without terrain."""
     if ground is not None:
         return
     boxes = [bounds(solid) for solid in standing]

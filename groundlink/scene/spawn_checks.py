@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks that vehicles, actors and additions have room where they spawn.
 
-Collision solids are compared as oriented boxes. Meshes are left out: the box around a scan of a
-yard would block the whole yard.
+Collision solids are compared as oriented boxes. Meshes are left out, since the box around a scan of
+a yard would block the whole yard.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from .build import WorldError
 from .spawn_pose import collision_solids, spawn_pose
 
 MAX_DROP_M = 5.0
-"""Largest height of a spawn place above the ground; more is taken for a mistake."""
+"""Largest height of a spawn place above the ground, in meters. A larger height is a mistake."""
 
 
 def check_spawns(scenario: Scenario, built: Iterable[Solid]) -> None:
-    """Refuse a vehicle that spawns inside another object: physics would throw it away.
+    """Refuse a vehicle that overlaps another object at its spawn pose.
 
-    Called by the loader only, since it needs the terrain assets.
+    Physics would eject such a vehicle. Only the loader calls this function, since it needs the
+    terrain assets.
 
     Raises
     ------
@@ -58,7 +59,7 @@ def check_vehicle(
     Raises
     ------
     WorldError
-        when it overlaps an object, or spawns off, below or high above the ground.
+        when it overlaps an object, or spawns outside, below or high above the ground.
     """
     path = "vehicles", index, "placement"
     place = vehicle.placement
@@ -125,7 +126,7 @@ def check_actor_path(index: int, actor: Actor, ground: Ground | None) -> None:
     Raises
     ------
     WorldError
-        when it does.
+        when the path leaves the terrain.
     """
     if ground is not None and not all(ground.inside(*at) for at in motion.waypoints(actor.motion)):
         raise WorldError(
@@ -152,7 +153,7 @@ def first_overlap(bodies: Iterable[Solid], there: Iterable[Solid]) -> str | None
 
 
 def ground_of(scenario: Scenario) -> Ground | None:
-    """Return the terrain of a scenario's world, if it has one."""
+    """Return the terrain of a scenario's world, or None."""
     return terrain.load_ground(scenario.world.terrain) if scenario.world.terrain else None
 
 

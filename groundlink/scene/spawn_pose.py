@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Spawn pose of a vehicle: on its wheels, upright on flat ground, tilted on a slope.
 
-On terrain the vehicle takes the tilt of the plane fitted under its wheels, raised until no part is
-below the ground. Physics, pictures and spawn checks use the same pose.
+On terrain the vehicle takes the tilt of the plane fitted to the ground under its wheels. It is then
+raised until no part is below the ground. Physics, pictures and spawn checks use the same pose.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from groundlink.world.solids import Box, Solid
 from groundlink.world.terrain import Ground
 
 SAMPLES = 9
-"""Sample points along each side of a solid."""
+"""Number of sample points along each side of a solid."""
 
 Pose = tuple[Vector3, Quaternion]
 

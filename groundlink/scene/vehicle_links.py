@@ -13,7 +13,7 @@ from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Cylinder, Solid
 
 _Y_FROM_Z = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
-"""Turns a cylinder's axis from z to y."""
+"""Rotation of a cylinder's axis from z to y, as quaternion xyzw."""
 
 
 def link_solids(model: VehicleModel) -> list[list[Solid]]:
