@@ -51,7 +51,7 @@ REMEMBERED = 500
 """Rows of odometry: 10 s at 50 Hz. A scan that lies longer is not taken any more."""
 MAP_EVERY_S = 3.0
 TELL_EVERY_S = 1.0
-PATIENCE_S = 1.0
+TIMEOUT_S = 1.0
 """For odometry."""
 CELLS = {KARTO_OCCUPIED: 100, KARTO_FREE: 0}
 """Of an OccupancyGrid; all else is -1, unknown."""
@@ -122,7 +122,7 @@ class Slam(Node):
         start_s = seconds_of(scan.header)
         end_s = 2 * middle_s(scan) - start_s
         with self._moved:
-            self._moved.wait_for(lambda: self._rows and self._rows[-1][0] >= end_s, PATIENCE_S)
+            self._moved.wait_for(lambda: self._rows and self._rows[-1][0] >= end_s, TIMEOUT_S)
             rows = list(self._rows)
         if not rows or rows[0][0] > start_s:
             return None

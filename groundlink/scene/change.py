@@ -110,8 +110,8 @@ def _names(scenario: Scenario) -> list[str]:
 def _frozen(scenario: Scenario) -> Scenario:
     """Return a scenario with its clutter converted to solids, in the same order."""
     world = replace(scenario.world, clutter=None)
-    strewn = solids(scenario)[len(solids(replace(scenario, world=world))) :]
-    return replace(scenario, world=replace(world, solids=(*world.solids, *strewn)))
+    clutter = solids(scenario)[len(solids(replace(scenario, world=world))) :]
+    return replace(scenario, world=replace(world, solids=(*world.solids, *clutter)))
 
 
 def _check_room(

@@ -76,7 +76,7 @@ class PathMotion(Spec, frozen=True, tag_field="kind", tag="along", kw_only=True)
     """Pause at every point before the turn to the next."""
 
     start_s: NonNegative = 0.0
-    """Sim time of the departure."""
+    """Sim time of the start."""
 
     z_m: float = 0.0
     """Above the ground: the terrain, or z = 0."""

@@ -34,7 +34,7 @@ AHEAD_NANOS = NANOS // 2
 """A message this much ahead of the newest clock waits for its own clock: streams are not ordered
 among each other, and it may be of another episode."""
 
-PATIENCE_NANOS = 5 * NANOS
+TIMEOUT_NANOS = 5 * NANOS
 """Simulation time after the end for which late or absent sensors are awaited."""
 
 
@@ -238,7 +238,7 @@ class Recorder:
         """Return whether no earlier message is awaited."""
         if self.clock is None:
             return False
-        return self.clock.stamp_nanos >= nanos + PATIENCE_NANOS or self._is_whole_to(nanos)
+        return self.clock.stamp_nanos >= nanos + TIMEOUT_NANOS or self._is_whole_to(nanos)
 
     @property
     def is_complete(self) -> bool:

@@ -59,16 +59,16 @@ class ReferenceComparison:
 
     Parameters
     ----------
-    promised
+    expected
         topics that certainly have messages.
     """
 
     size_bytes = 0
 
     def __init__(
-        self, recording: Recording, comparison: Comparison, promised: Collection[str]
+        self, recording: Recording, comparison: Comparison, expected: Collection[str]
     ) -> None:
-        self._recording, self._comparison, self._promised = recording, comparison, promised
+        self._recording, self._comparison, self._expected = recording, comparison, expected
         # Earlier versions recorded fewer derived topics; ordered recordings lack diagnostics.
         made = made_topics(recording.run.scenario)
         self._ignored = {DIAGNOSTICS_TOPIC, *not_compared(recording), *made}
@@ -95,7 +95,7 @@ class ReferenceComparison:
                 self._topics[name] = _Ignored()
             else:
                 self._topics[name] = _Topic(self._comparison, name, ros_type)
-                if name in self._promised:
+                if name in self._expected:
                     self._comparison.declare(name, ros_type, name in self._recording.types)
         return self._topics[name]
 
@@ -143,8 +143,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         comparison = Comparison(compared_messages(recording), wanted, left_out(recording))
         duration = wanted.end_nanos - recording.run.epoch_nanos
         absent = {*silent_sensors(recording, scenario), *later_sensors(recording)}
-        promised = {stream.topic for stream in outgoing(scenario, run)}
-        reference = ReferenceComparison(recording, comparison, promised)
+        expected = {stream.topic for stream in outgoing(scenario, run)}
+        reference = ReferenceComparison(recording, comparison, expected)
         BusRecorder(bus, scenario, run, reference, duration, absent=absent).record(stop)
         if not stop.is_set():
             options.verdict.write_bytes(msgspec.json.encode(comparison.verdicts()))

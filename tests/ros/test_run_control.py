@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What services do with a run: steps that are done, interfered with, or held up."""
+"""What services do with a run: steps that are done, interfered with, or stalled."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_somebody_else_meddles(action: int) -> None:
         run_of(simulator).step(30, on_progress=lambda done: done > 9 and simulator.call(action))
 
 
-def test_physics_is_held_up() -> None:
+def test_physics_is_stalled() -> None:
     simulator = Simulator(ticks_a_question=0)
     with pytest.raises(CommandFailed, match=r"stood at tick 100 for 0\.1 s, with 30 steps to go"):
         run_of(simulator).step(30)

@@ -29,7 +29,7 @@ STRICT = ("-std=c++17", "-O0", "-Wall", "-Wextra", "-Werror", f"-I{HEADER}")
 VECTORS = ("imu", "laser-scan", "odometry", "cloud-shuffled")
 
 
-MOST_PUBLISHERS, MOST_WISHES = 256, 64
+MOST_PUBLISHERS, MAX_SUBSCRIPTIONS = 256, 64
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +145,7 @@ def test_a_node_in_cpp_takes_its_peers_datagrams_alone_and_bounds_what_it_holds(
                 ours.sendto(clock(f"/t{number}"), address)
                 if number % 50 == 0:
                     is_heard()  # the socket's buffer is not run over
-            for number in range(MOST_WISHES + 6):
+            for number in range(MAX_SUBSCRIPTIONS + 6):
                 ours.sendto(subscribe(f"/w{number}", 0), address)
             ours.sendto(subscribe("/not a name", 0), address)
             is_heard()

@@ -26,7 +26,7 @@ from .rig import Rig, rig, wait_for
 UNTIL_NANOS = 10_000_000_000
 RUN = "every_sensor"
 HEARD = "heard.json"
-PATIENCE_SECONDS = 100.0
+TIMEOUT_SECONDS = 100.0
 
 SCENARIO = Path(__file__).with_name("every_sensor.yaml")
 
@@ -71,7 +71,7 @@ class Witness:
     def wait(self, until_nanos: int = UNTIL_NANOS) -> None:
         """Wait until every stream has come to an instant."""
         what = f"every stream comes to {until_nanos / 1e9:g} s"
-        wait_for(lambda: self.reached_nanos >= until_nanos, PATIENCE_SECONDS, what)
+        wait_for(lambda: self.reached_nanos >= until_nanos, TIMEOUT_SECONDS, what)
 
     def heard(self) -> Heard:
         """Return what every stream brought until its end."""

@@ -94,7 +94,7 @@ def subscriber(running: Running) -> Iterator[Subscriber]:
 
 
 def test_every_block_arrives(subscriber: Subscriber) -> None:
-    """Of some three seconds; a plain receiver, as DDS holds nobody up."""
+    """Of some three seconds; a plain receiver, as DDS delays no process."""
     subscriber.subscribe(CLOUD, "/points", lease_s=60)
     wait_for(lambda: len(subscriber.got) >= 700, 60, "700 blocks")
     blocks = subscriber.got[:700]

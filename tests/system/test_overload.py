@@ -223,7 +223,7 @@ def test_fail_ends_a_run_whose_readings_get_lost(tmp_path: Path) -> None:
         assert " restarted; run aborted by `overload: fail`" in it.log("up.log")
 
 
-def test_stamps_are_back_at_the_wall_clock_after_a_hold_up(tmp_path: Path) -> None:
+def test_stamps_are_back_at_the_wall_clock_after_a_stall(tmp_path: Path) -> None:
     """Of many clocks the youngest counts: a machine with other work delivers some of them late."""
     with rig(tmp_path) as it:
         physics = it.start(

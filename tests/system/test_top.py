@@ -30,7 +30,7 @@ pytestmark = pytest.mark.system
 
 
 @pytest.fixture(scope="module")
-def alone(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Rig, int]]:
+def sensor_only(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Rig, int]]:
     """Physics and one sensor, in real time; with the sensor's process id."""
     with rig(tmp_path_factory.mktemp("run")) as it:
         physics = ("-m", "services.physics", str(it.scenario), "--listen", it.endpoint)
@@ -46,8 +46,8 @@ def states(it: Rig) -> dict[str, dict[str, Any]]:
 
 
 @pytest.mark.alone
-def test_once_is_a_picture_and_ends(alone: tuple[Rig, int]) -> None:
-    it, _ = alone
+def test_once_is_a_picture_and_ends(sensor_only: tuple[Rig, int]) -> None:
+    it, _ = sensor_only
     command = [sys.executable, "-m", "groundlink", "top", "--once", "--connect", it.endpoint]
     done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
     assert done.returncode == 0, done.stderr
@@ -101,9 +101,9 @@ class Watcher:
 
 @pytest.mark.parametrize("end", [b"q", signal.SIGINT, signal.SIGTERM])
 def test_keys_drive_and_the_terminal_is_as_before(
-    alone: tuple[Rig, int], end: bytes | signal.Signals
+    sensor_only: tuple[Rig, int], end: bytes | signal.Signals
 ) -> None:
-    it, _ = alone
+    it, _ = sensor_only
     typist = Typist(it, "drive")
     try:
         with Bus(connect=it.endpoint) as bus:
@@ -128,8 +128,8 @@ def test_keys_drive_and_the_terminal_is_as_before(
         typist.close()
 
 
-def test_the_live_table_ends_with_its_terminal_as_before(alone: tuple[Rig, int]) -> None:
-    it, _ = alone
+def test_the_live_table_ends_with_its_terminal_as_before(sensor_only: tuple[Rig, int]) -> None:
+    it, _ = sensor_only
     typist = Typist(it, "top")
     try:
         wait_for(lambda: "400.0 Hz" in typist.read(), 20, "a rate is shown")
@@ -153,8 +153,8 @@ def test_without_a_terminal_one_line_says_so(tmp_path: Path) -> None:
     assert "--route" in done.stderr
 
 
-def test_a_route_is_driven_from_where_the_vehicle_stands(alone: tuple[Rig, int]) -> None:
-    it, _ = alone
+def test_a_route_is_driven_from_where_the_vehicle_stands(sensor_only: tuple[Rig, int]) -> None:
+    it, _ = sensor_only
     route = it.folder / "route.yaml"
     route.write_text("kind: there_and_back\nlength_m: 0.3\nspeed_mps: 0.5\n", encoding="utf-8")
     command = ("-m", "groundlink", "drive", "rover", "--connect", it.endpoint)
@@ -169,9 +169,9 @@ def test_a_route_is_driven_from_where_the_vehicle_stands(alone: tuple[Rig, int])
 
 
 @pytest.mark.alone
-def test_a_process_that_dies_is_gone_within_two_seconds(alone: tuple[Rig, int]) -> None:
+def test_a_process_that_dies_is_gone_within_two_seconds(sensor_only: tuple[Rig, int]) -> None:
     """The last test of this run, for the sensor is not started again."""
-    it, imu = alone
+    it, imu = sensor_only
     it.start("-m", "groundlink", "top", "--json", "--connect", it.endpoint, log="top.log")
     wait_for(lambda: states(it).get("rover/imu", {}).get("measured_hz"), 20, "a rate is measured")
     now = states(it)

@@ -73,14 +73,14 @@ def verify(options: argparse.Namespace) -> int:
             return code
         counting_on = missing.accumulating_topics(recording)
         verdicts = msgspec.json.decode((folder / VERDICT).read_bytes(), type=list[TopicComparison])
-        left_alone = {
+        not_compared = {
             topic: why
             for topic, why in verifying.not_compared(recording).items()
             if recording.topics[topic].messages
         }
     console.print(_table(verdicts, epoch_nanos))
-    for why in dict.fromkeys(left_alone.values()):
-        say(f"not compared: {', '.join(t for t in left_alone if left_alone[t] == why)}: {why}")
+    for why in dict.fromkeys(not_compared.values()):
+        say(f"not compared: {', '.join(t for t in not_compared if not_compared[t] == why)}: {why}")
     for line in _left_out(verdicts):
         say(line)
     different = sorted(

@@ -21,8 +21,8 @@ from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES
 
 
 def test_every_message_of_the_bus_has_a_row() -> None:
-    said_by_the_gateway_alone = {navigation.Text}
-    of_the_bus = messages.all_messages() - said_by_the_gateway_alone
+    only_from_the_gateway = {navigation.Text}
+    of_the_bus = messages.all_messages() - only_from_the_gateway
     assert {topic.message for topic in TOPICS} == of_the_bus
 
 

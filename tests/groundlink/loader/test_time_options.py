@@ -31,10 +31,10 @@ WORDS = ("--mode", "lockstep", "--factor", "0.5", "--lockstep", "ros", "--overlo
 
 
 def test_what_is_given_is_taken_and_the_rest_is_left(lab: Scenario) -> None:
-    patient = replace(lab, time=Time(deadline_s=9.0))
-    assert with_time_options(patient, options()) == patient
+    long_deadline = replace(lab, time=Time(deadline_s=9.0))
+    assert with_time_options(long_deadline, options()) == long_deadline
     expected = Time("lockstep", "ros", 0.5, "skip", deadline_s=9.0)
-    assert with_time_options(patient, options(*WORDS)).time == expected
+    assert with_time_options(long_deadline, options(*WORDS)).time == expected
 
 
 def test_it_is_handed_on_as_it_was_given() -> None:

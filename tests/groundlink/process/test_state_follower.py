@@ -76,7 +76,7 @@ class Physics:
 
 
 @pytest.fixture(autouse=True)
-def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+def _short_timeouts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("groundlink.core.backoff.FIRST_SECONDS", 0.05)
 
 
@@ -123,7 +123,7 @@ def test_the_first_state_of_an_episode_got_lost() -> None:
     assert taker.taken[-1] == 0
 
 
-def test_who_has_all_in_a_run_that_stands_is_left_alone() -> None:
+def test_a_follower_with_all_states_of_a_paused_run_is_not_restarted() -> None:
     physics, taker = Physics([state(tick) for tick in range(6)], acknowledged=4), Taker()
     physics.arriving = [state(tick) for tick in range(6)]
     follow(physics, taker, until(lambda: physics.asked > 2), waited_for=True)

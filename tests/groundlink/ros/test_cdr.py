@@ -78,8 +78,8 @@ def test_every_type_of_the_wire_is_on_the_bus() -> None:
         if MSG_TYPES[number].direction != "to ROS"
     }
     assert from_ros == {*READERS, PATH}
-    may_be_wished = {name.replace("/", "/msg/") for name in get_args(RosType)}
-    assert may_be_wished == of_ros - {"rosgraph_msgs/msg/Clock"}
+    requestable = {name.replace("/", "/msg/") for name in get_args(RosType)}
+    assert requestable == of_ros - {"rosgraph_msgs/msg/Clock"}
 
 
 def test_what_is_relayed_is_what_came_if_it_is_of_its_type() -> None:

@@ -115,7 +115,7 @@ def test_what_cannot_be_is_refused(
         model(kind, wheels, **fields)
 
 
-def test_a_wheel_that_is_held_up_does_not_stand() -> None:
+def test_a_wheel_that_is_held_above_the_ground_does_not_stand() -> None:
     idler = {**wheel("idler", 0.9, 0.4), "center_m": [0.9, 0.4, 0.1]}
     it = model("tracked", [*FOUR, idler])
     assert [it.stands_on(w) for w in it.wheels] == [True] * 4 + [False]

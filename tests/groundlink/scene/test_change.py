@@ -57,7 +57,7 @@ def test_what_is_added_is_behind_all_that_was_there(lab: Scenario, kind: str) ->
     more = made(kind)
     changed = grown(lab, more)
     before, after = solids(lab), solids(changed)
-    # Clutter stays where it was strewn, in the same order.
+    # Clutter stays where it was placed, in the same order.
     assert after[: len(before)] == before
     assert [s.name for s in after[len(before) :]] == [s.name for s in more.solids]
     assert link_bodies(changed) == [*link_bodies(lab), *(a.name for a in more.actors)]

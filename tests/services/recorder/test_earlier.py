@@ -84,7 +84,7 @@ def earlier(tmp_path: Path) -> Iterator[Recording]:
 
 def test_it_is_equal_to_the_same_run_again(earlier: Recording) -> None:
     comparison = Comparison(compared_messages(earlier), compared_span(earlier), left_out(earlier))
-    again = ReferenceComparison(earlier, comparison, promised=["/clock", "/imu"])
+    again = ReferenceComparison(earlier, comparison, expected=["/clock", "/imu"])
     keys = {stream.topic: stream.key for stream in outgoing(LAB, RUN)}
     recorder = Recorder(LAB, RUN, again.begin, duration_nanos=STEPS * 8 * TICK_NANOS)
     for topic, message in told():

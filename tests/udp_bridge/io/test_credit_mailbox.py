@@ -25,7 +25,7 @@ from udp_bridge.wire.types import CONTROL
 
 LOCAL = ("127.0.0.1", 0)
 TO = ("127.0.0.1", 9)
-PATIENCE_S = 10.0
+TIMEOUT_S = 10.0
 BODY = random.Random(5).randbytes(3_000_000)
 needs_many = pytest.mark.skipif(batch_io is None, reason="the C extension was not built")
 
@@ -307,15 +307,15 @@ def test_a_stream_of_many_threads_and_topics_never_waits_in_vain() -> None:
             for _ in range(count):
                 link.send(33, topic, "", time.time_ns(), bodies[topic])
                 if rng.random() < 0.5:
-                    link.flush(PATIENCE_S)
+                    link.flush(TIMEOUT_S)
 
         threads = [threading.Thread(target=send, args=(topic,)) for topic in topics]
         for thread in threads:
             thread.start()
         for thread in threads:
             thread.join()
-        assert is_whole.wait(PATIENCE_S)
-        assert link.flush(PATIENCE_S)
+        assert is_whole.wait(TIMEOUT_S)
+        assert link.flush(TIMEOUT_S)
         assert link.counters()["superseded"] == 0
     for topic in topics:
         assert [number for name, number in came if name == topic] == list(range(count))

@@ -22,11 +22,11 @@ from udp_bridge.wire.message import Address
 
 LOCAL = ("127.0.0.1", 0)
 DEFAULT_BUFFER = 212_992
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 
 
 def wait_for(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while not condition():
         assert time.monotonic() < deadline, "the condition never came true"
         time.sleep(0.001)
@@ -164,7 +164,7 @@ def test_a_peer_that_is_not_there_is_no_error(make: Make) -> None:
         sender.link.send(8, "/clock", "", index, b"t", to=present.link.address)
     sender.link.send(1, "/points", "", 1, bytes(300_000))
     wait_for(lambda: len(present.received) == 20)
-    assert sender.link.flush(PATIENCE_S)
+    assert sender.link.flush(TIMEOUT_S)
     wait_for(lambda: sender.link.counters()["unreachable"] > 0)
     # It comes, and what is sent from then on arrives.
     late = make(bind=absent)
@@ -281,7 +281,7 @@ def test_drops_of_the_kernel_are_counted() -> None:
 
     def on_message(message: Message, _: object) -> None:
         received.append(message)
-        is_busy.wait(PATIENCE_S)
+        is_busy.wait(TIMEOUT_S)
 
     with Link(LOCAL, on_message=on_message, receive_buffer=DEFAULT_BUFFER) as link:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as flood:
@@ -369,11 +369,11 @@ def test_a_blocked_receiving_thread_is_counted_as_deaf(make: Make) -> None:
 
     def hold(*_: object) -> None:
         is_held.set()
-        held.wait(PATIENCE_S)
+        held.wait(TIMEOUT_S)
 
     with Link(LOCAL, on_message=hold) as link:
         make(peer=link.address).link.send(8, "/clock", "", 0, b"t")
-        assert is_held.wait(PATIENCE_S)
+        assert is_held.wait(TIMEOUT_S)
         assert link.counters()["deaf"] == 0
         link._receiving._turn_nanos -= BLOCKED_NANOS
         wait_for(lambda: link.counters()["deaf"] == 1)
@@ -385,7 +385,7 @@ def test_a_silent_peer_gets_everything_at_the_rate_of_the_bucket(make: Make) -> 
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
         silent.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
         silent.bind(LOCAL)
-        silent.settimeout(PATIENCE_S)
+        silent.settimeout(TIMEOUT_S)
         sender = make(peer=silent.getsockname())
         began = time.monotonic()
         sender.link.send(1, "/points", "", 0, bytes(3_000_000))
@@ -399,7 +399,7 @@ def test_a_closed_link_sends_and_receives_no_more(make: Make) -> None:
     receiver = make()
     sender = make(peer=receiver.link.address)
     sender.link.send(8, "/clock", "", 0, b"t")
-    assert sender.link.flush(PATIENCE_S)
+    assert sender.link.flush(TIMEOUT_S)
     wait_for(lambda: len(receiver.received) == 1)
     names = {thread.name for thread in threading.enumerate()}
     assert names >= {"udp_bridge receive", "udp_bridge send"}

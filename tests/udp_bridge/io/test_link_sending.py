@@ -19,7 +19,7 @@ from udp_bridge.wire.message import Address, DatagramKey
 from udp_bridge.wire.types import RESEND
 
 TO = ("127.0.0.1", 9)
-PATIENCE_S = 10.0
+TIMEOUT_S = 10.0
 
 
 class Wire:
@@ -42,7 +42,7 @@ class Wire:
 
     def send(self, buffers: Sequence[Buffer], to: Address) -> bool:
         self.is_sending.set()
-        assert self.may_send.wait(PATIENCE_S)
+        assert self.may_send.wait(TIMEOUT_S)
         if self.error is not None:
             error, self.error = self.error, None
             raise error
@@ -74,7 +74,7 @@ def wire() -> Iterator[Wire]:
 
 
 def wait_for(condition: Callable[[], bool], what: str) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while not condition():
         assert time.monotonic() < deadline, f"in vain: {what}"
         time.sleep(0.001)
@@ -114,7 +114,7 @@ def test_a_credit_that_is_kept_while_the_sender_gives_up_is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(
-        flow_control, "REQUEST_NANOS", int(2 * PATIENCE_S * 1e9)
+        flow_control, "REQUEST_NANOS", int(2 * TIMEOUT_S * 1e9)
     )  # nobody asks for one
     wire = KeepingWire()
     with Link(("", 0), TO, socket=wire) as link:
@@ -138,7 +138,7 @@ def test_all_parts_of_messages_that_are_alike_leave_one_by_one() -> None:
         link._queue_for(TO).flow.acknowledged(DatagramKey(33, "", 0, 0), 8 << 20, 0)
         for number in range(3):
             link.send(33, "/image", "", 10**18 + number, bytes(300_000))
-            assert link.flush(PATIENCE_S)
+            assert link.flush(TIMEOUT_S)
             assert {h.part_number for h in wire.headers[-5:]} == set(range(5))
         assert len(wire.headers) == 15
         assert set(wire.threads) == {threading.current_thread().name}
@@ -188,13 +188,13 @@ def test_what_comes_while_somebody_sends_is_sent_by_him(wire: Wire) -> None:
         wire.is_sending.clear()
         sender = threading.Thread(target=clock, args=(link, 1), name="first")
         sender.start()
-        assert wire.is_sending.wait(PATIENCE_S)
+        assert wire.is_sending.wait(TIMEOUT_S)
         for number in range(2, 6):
             clock(link, number)  # returns at once
         make_thread_look(link)
         wire.may_send.set()
-        sender.join(PATIENCE_S)
-        assert link.flush(PATIENCE_S)
+        sender.join(TIMEOUT_S)
+        assert link.flush(TIMEOUT_S)
         assert [header.seq_number for header in wire.headers] == list(range(6))
 
 
@@ -204,10 +204,10 @@ def test_what_waits_for_credit_wakes_a_thread_that_had_nothing_to_wait_for(wire:
         wire.may_send.clear()
         sender = threading.Thread(target=link.send, args=(1, "/points", "", 10**18, body))
         sender.start()
-        assert wire.is_sending.wait(PATIENCE_S)
+        assert wire.is_sending.wait(TIMEOUT_S)
         make_thread_look(link)
         wire.may_send.set()
-        sender.join(PATIENCE_S)
+        sender.join(TIMEOUT_S)
         parts = lambda: [h.part_number for h in wire.headers if h.msg_type == 1]  # noqa: E731
         wait_for(lambda: parts() == list(range(20)), "parts that no credit came for")
 
@@ -228,13 +228,13 @@ def test_an_error_in_a_socket_leaves_nothing_behind(wire: Wire) -> None:
         wire.error = ZeroDivisionError()
         sender = threading.Thread(target=fail)
         sender.start()
-        assert wire.is_sending.wait(PATIENCE_S)
+        assert wire.is_sending.wait(TIMEOUT_S)
         clock(link, 2)  # left to the one who is sending
         make_thread_look(link)
         wire.may_send.set()
-        sender.join(PATIENCE_S)
+        sender.join(TIMEOUT_S)
         assert errors
-        assert link.flush(PATIENCE_S)
+        assert link.flush(TIMEOUT_S)
         wait_for(lambda: [h.seq_number for h in wire.headers] == [0, 2], "what was left to it")
 
 

@@ -21,11 +21,11 @@ from udp_bridge.wire.seal import FROM_ROS, TO_ROS
 
 LOCAL = ("127.0.0.1", 0)
 SECRET = b"0123456789abcdef"
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 
 
 def wait_for(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while not condition():
         assert time.monotonic() < deadline, "the condition never came true"
         time.sleep(0.001)

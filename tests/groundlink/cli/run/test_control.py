@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steps that somebody holds up: who it is, once."""
+"""Stalled steps: each stalling process is named once."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def test_what_physics_makes_up_for_at_once_when_it_was_not_let_run(
 
 @pytest.mark.parametrize(("overload", "at_once"), [("slow", 0.2), ("skip", 3.0), ("fail", 0.2)])
 @pytest.mark.parametrize("factor", [0.5, 1.0])
-def test_stamps_are_back_at_the_wall_clock_ten_seconds_after_a_hold_up(
+def test_stamps_are_back_at_the_wall_clock_ten_seconds_after_a_stall(
     overload: str, at_once: float, factor: float
 ) -> None:
     run = Paced(Time(overload=overload, factor=factor))  # type: ignore[arg-type]
@@ -206,7 +206,7 @@ def test_a_pause_is_nobodys_fault_and_not_made_up_for() -> None:
     assert sum(run.stretched.values()) == pytest.approx(sum(before[1].values()), abs=0.01)
 
 
-def test_two_who_hold_up_a_step_share_the_blame() -> None:
+def test_two_processes_that_stall_a_step_share_its_cost() -> None:
     run = Paced(Time())
     run.join()
     stopped = {LIDAR: 0.0, "rover/imu": 0.0}

@@ -202,9 +202,9 @@ def test_what_nobody_waits_for_is_let_go_and_marked() -> None:
     bench.take(range(240, 401))
     assert bench.stamps() == [0, 40, 240, 280, 320, 360]
     assert bench.gaps() == [("overloaded", 80, 200, 4)]
-    patient = Bench()
-    patient.take(range(401), waiting=1000)
-    assert patient.told == []
+    waiting = Bench()
+    waiting.take(range(401), waiting=1000)
+    assert waiting.told == []
 
 
 def test_what_is_lost_after_what_was_let_go_has_its_own_cause() -> None:
