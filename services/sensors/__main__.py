@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start with ``python -m services.sensors``: the sensors of a run, all in this process.
+"""Start all sensors of a run in one process: ``python -m services.sensors``.
 
-Rule: each is as it would be in a process of its own, with its readings, progress and health; a
-state is taken off the bus once and given to one after the other. So they wait for each other.
+Each sensor has its own readings, progress and health, as in a process of its own. A state is taken
+off the bus once and passed to one sensor after the other, so the sensors wait for each other.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from services.sensors.runtime.process import follower
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
-    """Run sensors until `stop` is set."""
+    """Run all sensors until `stop` is set."""
     parser = process.parser("sensors", "Simulate the sensors of a run, all in this process.")
     parser.add_argument(
         "--name",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A color or gray camera: the kind `camera`. Other kinds never import it."""
+"""Sensor kind `camera`: a color or gray camera. Other kinds never import this package."""
 
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
 from groundlink.scenario.cameras import Camera

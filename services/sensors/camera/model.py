@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A colour camera: states of the world in, pictures with their CameraInfo out.
+"""Camera model: turn states of the world into color or gray pictures with their CameraInfo.
 
-Rule: what is published is one picture, as its eye reads it, in its encodings.
-CameraInfo has its stamp, the beginning of the first row's exposure, and tells how it was drawn.
+One rendered picture is published in each of its encodings. The stamp is the beginning of the first
+row's exposure. The CameraInfo has the same stamp and describes the lens that the picture was drawn
+with.
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ from services.sensors.runtime.picture_times import PictureModel
 
 
 class CameraModel(PictureModel):
-    """One camera of one vehicle.
+    """Camera of a vehicle.
 
     Raises
     ------
     RenderingUnavailableError
-        when OpenGL is missing here or does not draw (a `UserError`).
+        when OpenGL is missing or can't draw on this machine (a `UserError`).
     UserError
         when the lens cannot be drawn.
     """
@@ -35,7 +36,7 @@ class CameraModel(PictureModel):
         self._outputs = spec.ros_topics().keys()
 
     def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[BusMessage | StreamMessage]:
-        """Return the messages of the picture that begins at an instant."""
+        """Return the messages of the picture whose exposure begins at an instant."""
         spec, header = self._spec, (stamp_nanos, self._frame)
         pixels = self._eye.read(nanos, tick)
         told = camera_info(*header, self._eye.pinhole, spec.lens)

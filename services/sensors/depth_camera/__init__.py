@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A depth camera: the kind `depth_camera`. Other kinds never import it."""
+"""Sensor kind `depth_camera`. Other kinds never import this package."""
 
 from groundlink.messages.base import PointCloud
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image

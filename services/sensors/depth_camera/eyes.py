@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a depth camera has true depth from: drawn by OpenGL, or by rays where there is none.
+"""Sources of true depth for a depth camera: OpenGL rendering, or ray casting without OpenGL.
 
-Rule: both see the same world through the same lens, in the middle of the exposure; by rays there is
-no color.
+Both sources see the same world through the same lens, in the middle of the exposure. Ray casting
+yields no color.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ if TYPE_CHECKING:
     from services.sensors.rendering.gl.target import Layer
 
 FAR_M = 1e5
-"""Farther than any world goes."""
+"""Distance beyond the far end of any world."""
 
 
 class Sight(NamedTuple):
-    """What is seen. The arrays are overwritten by the next look."""
+    """Rendered depth and color. The next call overwrites the arrays."""
 
     depth_m: NDArray[np.float32]
-    """Shape (height, width), infinite in the sky and where no ray comes in."""
+    """Shape (height, width). Infinite in the sky and where the lens receives no ray."""
 
     color: NDArray[np.uint8] | None
     """Shape (height, width, 3)."""
 
 
 class DepthEye(Protocol):
-    """States of the world in, depths of an instant out; as `CameraEye` otherwise."""
+    """Interface of a depth source: states in, depth at an instant out. Otherwise as `CameraEye`."""
 
     pinhole: Pinhole
     slopes: Floats
@@ -51,17 +51,17 @@ class DepthEye(Protocol):
         """Forget all states."""
 
     def take(self, state: State) -> None:
-        """Remember where everything is at the next tick."""
+        """Store the pose of every link at the next tick."""
 
     def look(self, nanos: int, tick: int) -> Sight:
-        """Return the picture whose exposure begins at a sim time, with the noise of a tick."""
+        """Return the exposure that begins at a sim time, with the noise of a tick."""
 
 
 class DrawnEye:
-    """Depth and colour by OpenGL."""
+    """Depth and color by OpenGL."""
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: DepthCamera) -> None:
-        open_context().release()  # what is missing is told by this
+        open_context().release()  # fails with the reason if OpenGL is unavailable
         from services.sensors.rendering.cameras.camera_eye import CameraEye  # needs moderngl
 
         self._is_colored = bool(spec.color or spec.points_topic)
@@ -72,13 +72,13 @@ class DrawnEye:
         self.restart, self.take = self._camera.eye.restart, self._camera.eye.take
 
     def look(self, nanos: int, tick: int) -> Sight:
-        """Return the picture whose exposure begins at a sim time, with the noise of a tick."""
+        """Return the exposure that begins at a sim time, with the noise of a tick."""
         frame = self._camera.taken(nanos, tick)
         return Sight(frame.depth_m, frame.color if self._is_colored else None)
 
 
 class RayEye:
-    """Depth alone, by a ray through the centre of each pixel."""
+    """Depth without color, by one ray through the center of each pixel."""
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: DepthCamera) -> None:
         self.pinhole = lens_pinhole(spec)
@@ -95,19 +95,19 @@ class RayEye:
         self.restart = self._replica.restart
 
     def take(self, state: State) -> None:
-        """Remember where everything is at the next tick."""
+        """Store the pose of every link at the next tick."""
         self._replica.take(state)
         self._replica.forget(state.tick - 1 - -(-self.span_nanos // TICK_NANOS))
 
     def look(self, nanos: int, tick: int) -> Sight:
-        """Return the depths in the middle of an exposure that begins at a sim time."""
+        """Return the depth in the middle of an exposure that begins at a sim time."""
         poses = self._replica.at(nanos + self.span_nanos // 2)
         self._replica.scene.move(np.stack([poses, poses]))
         base = poses[self._replica.base]
         world_from_optical = transform(base[:3], base[3:]) @ self._base_from_optical
         shape = (3, *self._instants.shape)
         rays = (world_from_optical[:3, :3].astype(np.float32) @ self._rays).reshape(shape)
-        # As drawn pictures, begin a little in front of the eye.
+        # The rays begin at the near plane, as in rendered pictures.
         at = world_from_optical[:3, 3, None, None] + NEAR_M * rays
         hits = self._replica.scene.cast(at.astype(np.float32), rays, self._instants, FAR_M)
         depth_m = np.where(self._lit, hits.range_m + np.float32(NEAR_M), np.float32(np.inf))
@@ -115,12 +115,12 @@ class RayEye:
 
 
 def depth_eye(scenario: Scenario, vehicle: Vehicle, spec: DepthCamera) -> DepthEye:
-    """Return an eye that draws or, if that cannot be here, casts rays, which it says in a line.
+    """Return an OpenGL depth source or, with a log line, a ray-casting one without OpenGL.
 
     Raises
     ------
     RenderingUnavailableError
-        when OpenGL is missing here or does not draw, and colour is wanted.
+        when color is enabled, but OpenGL is missing or can't draw on this machine.
     """
     try:
         return DrawnEye(scenario, vehicle, spec)

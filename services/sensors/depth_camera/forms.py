@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measured depth as messages of the bus: images, compressedDepth, points.
+"""Encodings of measured depth as bus messages: images, compressedDepth and point clouds.
 
-Rule: as REP 118 and image_transport's codec have it; what is not a depth stays none.
+The encodings follow REP 118 and the codec of image_transport. A pixel without depth stays without
+depth in every encoding.
 """
 
 from __future__ import annotations
@@ -20,20 +21,21 @@ Reals = NDArray[np.float32]
 Shorts = NDArray[np.uint16]
 
 LARGEST = 65535
-"""Of 16 bits."""
+"""Largest 16-bit value."""
 
 INVERSE_DEPTH = 1
-"""The only format of compressedDepth's header."""
+"""The only format in the header of compressedDepth."""
 
 QUANTIZATION_M = 100.0
-"""Z0 of the codec, its default: steps of z^2 / (Z0 (Z0 + 1)), which are 10 mm at 10 m."""
+"""Z0 of the codec, its default. The quantization step is z^2 / (Z0 (Z0 + 1)), 10 mm at 10 m."""
 
 PNG_LEVEL = 1
-"""The codec's own is 9, which takes ten times as long for a tenth less."""
+"""PNG compression level. The codec's own level 9 takes ten times as long and saves a tenth in size.
+"""
 
 
 def millimeters(depth_m: Reals) -> Shorts:
-    """Return the pixels of 16UC1: whole millimetres, 0 for what is no depth."""
+    """Return the pixels of 16UC1: whole millimeters, 0 for no depth."""
     fits = (depth_m > 0) & (depth_m < (LARGEST + 0.5) / 1000)
     return np.rint(np.where(fits, depth_m, 0) * np.float32(1000)).astype(np.uint16)
 
@@ -44,11 +46,11 @@ def pixels(depth_m: Reals, encoding: str) -> Reals | Shorts:
 
 
 def inverse_depth(depth_m: Reals, max_range_m: float) -> tuple[Shorts, float, float]:
-    """Return depth as the codec stores 32FC1: A / z + B in 16 bits, 0 for none; and A and B.
+    """Return depth as the codec stores 32FC1, A / z + B in 16 bits with 0 for none, and A and B.
 
-    A = Z0 (Z0 + 1) and B = 1 - A / max, so that the largest range is 1 (codec.cpp of
-    compressed_depth_image_transport). What is nearer than A / (65535 - B), 0.15 m with 10 m as the
-    largest range, does not fit and is none.
+    A = Z0 (Z0 + 1) and B = 1 - A / max, so the largest range is stored as 1 (codec.cpp of
+    compressed_depth_image_transport). Depth below A / (65535 - B), which is 0.15 m for a largest
+    range of 10 m, does not fit and is stored as none.
     """
     a = QUANTIZATION_M * (QUANTIZATION_M + 1)
     b = 1 - a / max_range_m
@@ -60,7 +62,7 @@ def inverse_depth(depth_m: Reals, max_range_m: float) -> tuple[Shorts, float, fl
 def compressed_depth(
     stamp_nanos: int, frame: str, depth_m: Reals, encoding: str, max_range_m: float
 ) -> CompressedImage:
-    """Return depth as compressed_depth_image_transport reads it: a header of 12 bytes and a PNG."""
+    """Return depth as compressed_depth_image_transport reads it: a 12-byte header and a PNG."""
     a = b = 0.0
     if encoding == "16UC1":
         stored = millimeters(depth_m)
@@ -85,16 +87,16 @@ def points(
     every: int,
     color: NDArray[np.uint8] | None,
 ) -> PointCloud:
-    """Return a point for every pixel that has a depth, in the optical frame, row after row.
+    """Return a point for each pixel with depth, in the optical frame, row by row.
 
     Parameters
     ----------
     slopes : float array, shape (height, width, 2)
-        Where the ray of each pixel passes z of 1.
+        x and y of each pixel's ray at z = 1.
     every : int
-        Of so many rows and columns, the first.
+        Stride in rows and columns.
     colour : uint8 array, shape (height, width, 3), optional
-        Makes the intensity: the mean of red, green and blue.
+        Color image; the intensity of a point is the mean of red, green and blue.
     """
     z = depth_m[::every, ::every]
     rows, columns = np.nonzero(np.isfinite(z))

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a depth camera makes of true depths: a stereo pair's noise and holes, and limits.
+"""Measurement model of a depth camera: noise and holes of a stereo pair, and range limits.
 
-Rule: depth in, depth out, along z of the optical frame; the generator comes in. Values follow
-REP 117 and 118: -inf too near, +inf beyond the largest range and in the sky, NaN where no depth is
-found. Depth is found by matching each pixel of the left eye with one of the same row of the right
-eye, `disparity` = f baseline / z columns to the left. How well a texture lends itself to matching
-is not modelled.
+The input and the output are depth along z of the optical frame; the caller supplies the random
+generator. Values follow REP 117 and 118: -inf for too near, +inf beyond the largest range and in
+the sky, NaN where no depth is found. A stereo pair finds depth by matching each pixel of the left
+eye with a pixel in the same row of the right eye, `disparity` = f baseline / z columns to the left.
+The effect of texture on matching is not modeled.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ Reals = NDArray[np.float32]
 Flags = NDArray[np.bool_]
 
 JUMP_PX = 1.0
-"""Disparities of neighbours that differ by more are of two surfaces."""
+"""Neighboring pixels whose disparities differ by more belong to two surfaces."""
 
 
 def measured(truth_m: Reals, fx: float, spec: DepthCamera, generator: np.random.Generator) -> Reals:
-    """Return what is measured of depths, shape (height, width), infinite in the sky.
+    """Return the measured depth for true depth, shape (height, width), infinite in the sky.
 
-    Noise of the disparity, of standard deviation s, is noise z^2 / (f baseline) s of depth.
+    Disparity noise of standard deviation s causes depth noise of standard deviation z^2 / (f
+    baseline) s.
     """
     depth_m = truth_m.copy()
     if spec.baseline_m:
@@ -50,9 +51,9 @@ def measured(truth_m: Reals, fx: float, spec: DepthCamera, generator: np.random.
 def unseen_by_right_eye(disparity_px: Reals) -> Flags:
     """Return the pixels of the left eye whose points the right eye does not see.
 
-    A point comes to column x - disparity there. It is hidden by one to its right in the left
-    picture that comes at least as far left, as what is nearer does; and a band along the left rim
-    is outside of the right picture.
+    A point appears in column x - disparity of the right eye. It is hidden if a point to its right
+    in the left picture appears at least as far left, as a nearer point does. A band along the left
+    rim of the left picture is outside of the right picture.
     """
     columns = np.arange(disparity_px.shape[1], dtype=np.float32)
     there = columns - disparity_px
@@ -63,7 +64,7 @@ def unseen_by_right_eye(disparity_px: Reals) -> Flags:
 
 
 def near_jumps(disparity_px: Reals, radius_px: int) -> Flags:
-    """Return the pixels within a square of half width `radius_px` about the two of a jump."""
+    """Return the pixels within a square of half width `radius_px` around a disparity jump."""
     jumps = np.zeros(disparity_px.shape, np.uint8)
     across = np.abs(np.diff(disparity_px, axis=1)) > JUMP_PX
     down = np.abs(np.diff(disparity_px, axis=0)) > JUMP_PX

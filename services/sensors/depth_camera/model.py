@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A depth camera: states of the world in, depth images with their CameraInfo out.
+"""Depth camera model: turn states of the world into depth images with their CameraInfo.
 
-Rule: all messages of one picture have its stamp and are of the same pixels: depth, colour, points.
-Depth is that in the middle of the exposure. The lens bends it, too; the rest of lens and image
-sensor makes color what it is.
-Only what somebody subscribed to in the scenario is made.
+All messages of one picture (depth, color, points) have the same stamp and the same pixels. Depth is
+that of the middle of the exposure. The lens distorts depth and color alike; other effects of lens
+and image sensor apply to color only. Only outputs that the scenario enables are computed.
 """
 
 from __future__ import annotations
@@ -23,17 +22,17 @@ from .measured import measured
 
 
 class DepthCameraModel(PictureModel):
-    """One depth camera of one vehicle.
+    """Depth camera of a vehicle.
 
     Parameters
     ----------
     eye : DepthEye, optional
-        Where true depth comes from; if not given, from OpenGL where there is one.
+        Source of true depth. The default is OpenGL, or ray casting without OpenGL.
 
     Raises
     ------
     UserError
-        when neither OpenGL nor Embree is here, or colour is wanted without OpenGL, or the lens
+        when neither OpenGL nor Embree is available, or color is enabled without OpenGL, or the lens
         cannot be drawn.
     """
 
@@ -53,7 +52,7 @@ class DepthCameraModel(PictureModel):
         self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
 
     def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[BusMessage | StreamMessage]:
-        """Return the messages of the picture of an instant."""
+        """Return the messages of the picture at an instant."""
         spec, outputs, header = self._spec, self._outputs, (stamp_nanos, self._frame)
         truth_m, color = self._eye.look(nanos, tick)
         pinhole = self._eye.pinhole

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wheel encoders: the kind `encoders`. Other kinds never import it."""
+"""Sensor kind `encoders`: wheel encoders. Other kinds never import this package."""
 
 from groundlink.messages.base import WheelEncoders
 from groundlink.scenario.sensor_kinds import SensorKind

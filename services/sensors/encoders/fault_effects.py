@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effect of faults on wheel counters."""
+"""Fault effects on wheel counters."""
 
 from __future__ import annotations
 

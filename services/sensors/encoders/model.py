@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wheel encoders: 64-bit counters, read at the motor controller's rate.
+"""Wheel encoder model: 64-bit counters, read at the motor controller's rate.
 
-Rule: this says when they are read; what they count is in `services.sensors.runtime.wheel_counters`.
-A reading is stamped with its event of the schedule and has the counts of that very instant.
+This module decides when the counters are read. `services.sensors.runtime.wheel_counters` defines
+the counts. The stamp of a reading is its schedule event, and the counts are those of that instant.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from services.sensors.runtime.wheel_counters import WheelCounters
 
 
 class EncodersModel:
-    """The encoders of one vehicle's wheels (a `RememberingModel`)."""
+    """Wheel encoders of a vehicle (a `RememberingModel`)."""
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: sensors.Encoders) -> None:
         self._frame = vehicle.frame_prefix + spec.frame
@@ -25,27 +25,27 @@ class EncodersModel:
         self.restart()
 
     def restart(self) -> None:
-        """Forget earlier states: time jumped or states were lost."""
+        """Forget earlier states. Called after a jump in time or a loss of states."""
         self._due.restart()
         self._counters.restart()
 
     def memory(self) -> bytes:
-        """Return what a successor has to know that sees the state of `settled_tick` first."""
+        """Return the memory for a successor whose first state is that of `settled_tick`."""
         return self._counters.memory()
 
     def remember(self, memory: bytes) -> None:
-        """Go on from a predecessor's memory; from an empty one, begin anew."""
+        """Restore a predecessor's memory; empty memory resets to the initial condition."""
         self._counters.remember(memory)
 
     def settled_tick(self) -> int:
         """Return the tick up to which every reading has been yielded; -1 before the first.
 
-        A successor that sees its state first goes on with the next reading.
+        A successor that receives the state of this tick first continues with the next reading.
         """
         return self._due.tick
 
     def readings(self, state: messages.State) -> list[messages.WheelEncoders]:
-        """Return the reading that is due by the next tick's state, if there is one.
+        """Return the reading that the next tick's state completes, if any.
 
         Raises
         ------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A satellite navigation receiver: the kind `gnss`. Other kinds never import it."""
+"""Sensor kind `gnss`: a satellite navigation receiver. Other kinds never import this package."""
 
 from groundlink.messages.navigation import NavSatFix
 from groundlink.scenario.sensor_kinds import SensorKind

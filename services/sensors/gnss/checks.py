@@ -11,7 +11,7 @@ from groundlink.scenario.sensors import Gnss
 
 
 def problems(spec: Gnss, vehicle: Vehicle, scenario: Scenario) -> Iterator[Problem]:
-    """Yield a problem where the world is nowhere on the Earth."""
+    """Yield a problem if the world has no location on the Earth."""
     if scenario.world.datum is None:
         yield Problem(
             (),

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is wrong with a receiver's fixes: white noise, a slow drift, and noise of velocity.
+"""Errors of GNSS fixes: white noise, slow drift and velocity noise.
 
-Rule: an error depends on the seed, the sensor's name and the number of the fix, never on when the
-process was started. Every fix draws, whether it is lost or not.
+An error is a function of the seed, the sensor's name and the number of the fix; it does not depend
+on the start time of the process. Random numbers are drawn for every fix, including lost ones.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from services.sensors.noise.walks import BLOCK_TICKS, ErrorProcesses
 
 
 class FixErrors(NamedTuple):
-    """Of one fix, along east, north and up; under the open sky."""
+    """Errors of one fix along east, north and up, under an open sky."""
 
     position_m: Vector3
     velocity_mps: Vector3
 
 
 class GnssErrors:
-    """The errors of one receiver."""
+    """Error model of a receiver."""
 
     def __init__(self, spec: Gnss, streams: RandomStreams) -> None:
         self._streams = streams

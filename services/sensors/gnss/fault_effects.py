@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effect of faults on a fix."""
+"""Fault effects on a GNSS fix."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from services.sensors.faults.offsets import Offsets
 
 WGS84_RADIUS_M = 6378137.0
 WGS84_ECCENTRICITY_SQUARED = 6.69437999014e-3
-"""Of the ellipsoid (NIMA TR8350.2, table 3.3)."""
+"""Semi-major axis and squared eccentricity of the ellipsoid (NIMA TR8350.2, table 3.3)."""
 
 
 def offset_position(fix: NavSatFix, offsets: Offsets) -> NavSatFix:
-    """Move a fix along east, north and up, to the first order of the way.
+    """Move a fix along east, north and up, to first order in the distance.
 
-    By the radii of curvature of the ellipsoid in the meridian and the prime vertical (Torge and
-    Müller 2012, "Geodesy", 4.1.3).
+    Uses the ellipsoid's radii of curvature in the meridian and the prime vertical (Torge and Müller
+    2012, "Geodesy", 4.1.3).
     """
     east, north, up = offsets(1, 3)[0].tolist()
     latitude = math.radians(fix.latitude_deg)

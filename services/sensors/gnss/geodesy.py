@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""WGS 84: geodetic coordinates, Earth-centred ones and a local tangent plane.
+"""WGS 84 conversions: geodetic coordinates, Earth-centered coordinates and a local tangent plane.
 
-Rule: single values in plain floats, radians and metres; pure functions. The Earth is the ellipsoid:
-no geoid, no plate motion, no other datum.
+All functions are pure and take single values: plain floats in radians and meters. The Earth is the
+ellipsoid, without a geoid, plate motion or other datums.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ ECCENTRICITY_SQUARED = FLATTENING * (2 - FLATTENING)
 SECOND_ECCENTRICITY_SQUARED = ECCENTRICITY_SQUARED / (1 - ECCENTRICITY_SQUARED)
 
 _ITERATIONS = 2
-"""Of Bowring's formula; one is good to a micrometre at 10 km, two to rounding from below the ground
-to low orbits."""
+"""Iterations of Bowring's formula. One is accurate to a micrometer at 10 km. Two are accurate to
+rounding from below the ground to low orbits."""
 
 
 class Geodetic(NamedTuple):
-    """A place on or above the ellipsoid."""
+    """Geodetic coordinates of a point."""
 
     latitude_rad: float
     longitude_rad: float
     altitude_m: float
-    """Above the ellipsoid, along its normal."""
+    """Height above the ellipsoid, along its normal."""
 
     @classmethod
     def of_degrees(cls, latitude_deg: float, longitude_deg: float, altitude_m: float) -> Geodetic:
-        """Return the place with these coordinates."""
+        """Return the point with these coordinates."""
         return cls(math.radians(latitude_deg), math.radians(longitude_deg), altitude_m)
 
 
 def ecef_from_geodetic(place: Geodetic) -> Vector3:
-    """Return x, y, z in metres: x through the Greenwich meridian, z through the north pole.
+    """Return x, y, z in meters: x through the Greenwich meridian, z through the north pole.
 
     The closed form with the radius of curvature in the prime vertical, N = a / sqrt(1 - e^2 sin^2);
     Hofmann-Wellenhof, Lichtenegger, Wasle, "GNSS" (2008), section 8.2.2.
@@ -59,11 +59,12 @@ def ecef_from_geodetic(place: Geodetic) -> Vector3:
 
 
 def geodetic_from_ecef(position_m: Vector3) -> Geodetic:
-    """Return the place of an Earth-centred position, at least some kilometres from the centre.
+    """Return the geodetic coordinates of an Earth-centered position.
 
-    Bowring (1976), "Transformation from spatial to geographical coordinates": the latitude from the
-    parametric latitude, iterated. The altitude by p cos + z sin - a sqrt(1 - e^2 sin^2), where p is
-    the distance from the axis: unlike p / cos - N it holds at the poles.
+    The position must be at least some kilometers from the center. Bowring (1976), "Transformation
+    from spatial to geographical coordinates": the latitude from the parametric latitude, iterated.
+    The altitude is p cos + z sin - a sqrt(1 - e^2 sin^2), where p is the distance from the axis.
+    Unlike p / cos - N, this form holds at the poles.
     """
     x, y, z = position_m
     across = math.hypot(x, y)
@@ -83,7 +84,7 @@ def geodetic_from_ecef(position_m: Vector3) -> Geodetic:
 
 
 class TangentPlane:
-    """East, north and up at one place of the Earth: a world's axes."""
+    """Local tangent plane with axes east, north and up: the axes of a world."""
 
     def __init__(self, origin: Geodetic) -> None:
         self._origin = ecef_from_geodetic(origin)
@@ -96,12 +97,12 @@ class TangentPlane:
         )
 
     def ecef(self, enu_m: Vector3) -> Vector3:
-        """Return the Earth-centred position of a point of the plane's frame."""
+        """Return the Earth-centered position of a point in the plane's frame."""
         x, y, z = self.turned(enu_m)
         return x + self._origin[0], y + self._origin[1], z + self._origin[2]
 
     def turned(self, enu: Vector3) -> Vector3:
-        """Return a vector of the plane's frame in Earth-centred axes."""
+        """Rotate a vector from the plane's frame into Earth-centered axes."""
         (xe, xn, xu), (ye, yn, yu), (ze, zn, zu) = self._ecef_from_enu
         east, north, up = enu
         return (

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A satellite receiver: the paper's 3.3.5, with drift, a start, outages and a delay.
+"""GNSS receiver model (section 3.3.5 of the paper), with drift, startup, outages and latency.
 
-Rule: fix i is measured at event i of the rate's schedule, where the antenna is at that instant, and
-comes as much later as the receiver takes; its stamp is the instant of measurement. The antenna's
-place in the world becomes one in Earth-centred axes, the errors are added there, and the sum is
-turned into latitude, longitude and altitude. The errors are drawn along east, north and up of the
-world's origin, since a receiver is worse upwards; where both are set alike, that is the paper's
-error of equal size along the Earth's axes. What of the sky is hidden makes them larger by the
-dilution of precision, and takes the fix away when too little is left.
+Fix i is measured at event i of the rate's schedule, at the antenna's position at that instant, and
+published after the receiver's latency. Its stamp is the instant of measurement. The antenna's
+position in the world is converted to Earth-centered axes, the errors are added, and the sum is
+converted to latitude, longitude and altitude. The errors are drawn along east, north and up of the
+world's origin, because a receiver is less accurate vertically. If both are configured alike, the
+result is the paper's error of equal size along the Earth's axes. Hidden parts of the sky scale the
+errors by the dilution of precision. With too few satellites there is no fix.
 
-Where there is no fix, at the start or in an outage, the receiver says so at its rate: status -1 and
-NaN. A fix comes back at once, with the quality it had; detours of signals (multipath), false fixes
-and the time to fix ambiguities anew are not modelled.
+Without a fix, at startup or in an outage, the receiver reports status -1 and NaN at its rate. A fix
+returns at once, with its earlier quality. Multipath, false fixes and the time to resolve
+ambiguities again are not modeled.
 """
 
 from __future__ import annotations
@@ -44,21 +44,22 @@ GPS = 1
 """sensor_msgs/NavSatStatus.SERVICE_GPS."""
 
 FIXES_REMEMBERED = 256
-"""Of which the sentences can still be told, where fixes are held up on their way: 12 s at 20 Hz."""
+"""Number of stored solutions. NMEA sentences remain available for fixes that are delayed by up to
+12 s at 20 Hz."""
 
 DIAGONAL_KNOWN = 2
 """sensor_msgs/NavSatFix.COVARIANCE_TYPE_DIAGONAL_KNOWN."""
 
 
 class _Kind(NamedTuple):
-    """How a receiver names a kind of solution."""
+    """Codes of one kind of solution."""
 
     status: int
-    """sensor_msgs/NavSatStatus."""
+    """Status in sensor_msgs/NavSatStatus."""
 
     quality: int
     mode: str
-    """GGA, and RMC with VTG: see `nmea.Epoch`."""
+    """Quality in GGA, and mode in RMC and VTG: see `nmea.Epoch`."""
 
     minute_decimals: int
 
@@ -69,15 +70,15 @@ KINDS = {
     "rtk_float": _Kind(2, 5, "F", 7),
     "rtk_fix": _Kind(2, 4, "R", 7),
 }
-"""By `solution` of the scenario."""
+"""Codes by the scenario's `solution`."""
 
 
 @dataclass(frozen=True)
 class _Measured:
-    """A fix that is under way to those who wait for it."""
+    """Measured fix that is not published yet because of the receiver's latency."""
 
     tick: int
-    """By whose state it was measured."""
+    """Tick whose state completed the measurement."""
 
     due_tick: int
     fix: NavSatFix
@@ -85,14 +86,14 @@ class _Measured:
 
 
 class GnssModel:
-    """One receiver of one vehicle (a `SensorModel`).
+    """GNSS receiver of a vehicle (a `SensorModel`).
 
     Raises
     ------
     UserError
         when the world has no datum, or the satellites give no position.
     KernelsMissingError
-        with `sky_view`, when the compiled loops are not installed here.
+        with `sky_view`, when the compiled loops are not installed.
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Gnss) -> None:
@@ -115,25 +116,26 @@ class GnssModel:
         self.restart()
 
     def restart(self) -> None:
-        """Forget earlier states, and fixes that have not come out yet."""
+        """Forget earlier states, and fixes that are not published yet."""
         self._reception.restart()
         self._due.restart()
         self._pose: Floats = np.zeros(7)
         self._waiting: deque[_Measured] = deque()
 
     def settled_tick(self) -> int:
-        """Return the tick whose state a successor must see first, to go on with the next fix."""
+        """Return the tick whose state a successor must receive first."""
         if self._waiting:
             return max(0, self._waiting[0].tick - 1)
         return self._due.tick
 
     def readings(self, state: State) -> list[NavSatFix]:
-        """Take the state of the next tick and return the fixes that are out by it.
+        """Take the state of the next tick and return the fixes that are due for publication.
 
         Raises
         ------
         BadBusMessage
-            when the state lacks the vehicle, or with `sky_view` any; the model is then restarted.
+            when the state lacks the vehicle, or any vehicle with `sky_view`; the model is then
+            restarted.
         """
         try:
             pose, velocity = self._base(state)
@@ -153,10 +155,11 @@ class GnssModel:
         return [one.fix for one in out]
 
     def datagrams(self, fix: NavSatFix, epoch_nanos: int) -> list[Datagram]:
-        """Return the NMEA sentences of a fix that `readings` returned, as it is now.
+        """Return the NMEA sentences of a published fix.
 
-        Time, position and whether there is one are those of `fix`, so that both forms agree when
-        something has been done to it; the rest is that of the fix of this stamp, or of the newest.
+        Time, position and validity are those of `fix`, so both formats agree after a fault has
+        changed the fix. The other values are those of the solution with this stamp, or of the
+        newest.
         """
         newest = next(reversed(self._told.values()))
         epoch = self._told.get(fix.stamp_nanos, newest)._replace(stamp_nanos=fix.stamp_nanos)
@@ -182,16 +185,16 @@ class GnssModel:
         return vehicle.poses()[0], velocity
 
     def _measure(self, state: State, event: Event, last: Floats, velocity: Floats) -> _Measured:
-        """Return the fix of an event, whose instant is after the last tick and not after this one.
+        """Return the fix of an event after the last tick and not after this tick.
 
         Parameters
         ----------
         last : shape (7,)
-            The base's pose at the last tick.
+            Pose of the base at the last tick.
         velocity : shape (6,)
-            The base's at this one.
+            Velocity of the base at this tick.
         """
-        # Zero where the instant is the tick's; only then may there be no last state.
+        # Zero if the event coincides with the tick. Only then may the last state be missing.
         back = (event.nanos - state.tick * TICK_NANOS) / TICK_NANOS
         lever = matrix_from_quaternion(self._pose[3:]) @ self._antenna_in_base
         antenna = self._pose[:3] + lever
@@ -239,7 +242,7 @@ class GnssModel:
         return _Measured(state.tick, due_tick, fix, epoch)
 
     def _lost(self, stamp_nanos: int) -> tuple[NavSatFix, nmea.Epoch]:
-        """Return what a receiver without a fix tells."""
+        """Return the messages of a receiver without a fix."""
         fix = NavSatFix(
             stamp_nanos=stamp_nanos,
             frame=self._frame,
@@ -255,7 +258,7 @@ class GnssModel:
 
 
 def nmea_device(model: GnssModel, spec: Gnss) -> GnssModel:
-    """Return the device that sends NMEA 0183: the model itself knows the satellites."""
+    """Return the device that sends NMEA 0183: the model itself, which has the satellite data."""
     return model
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a receiver has a fix, and what of the sky it sees: its start, outages, and solids.
+"""Satellite reception: startup, outages, and satellites hidden by solids.
 
-Rule: a function of the instant and of where everything stands, without a memory: what is seen again
-is received at once.
+Reception depends only on the instant and on the current positions, not on earlier states. A
+satellite that becomes visible is received at once.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from services.sensors.rays.probe import RayProbe
 from . import sky
 
 SKY_M = 1000.0
-"""Solids farther away hide no satellite."""
+"""Solids beyond this distance hide no satellite."""
 
 
 class Reception:
-    """What one antenna receives.
+    """Reception of one antenna.
 
     Attributes
     ----------
     open_sky : Geometry
-        That of all satellites.
+        Geometry of all satellites.
 
     Raises
     ------
     UserError
         when the satellites give no position.
     KernelsMissingError
-        with `sky_view`, when the compiled loops are not installed here.
+        with `sky_view`, when the compiled loops are not installed.
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Gnss) -> None:
@@ -54,18 +54,21 @@ class Reception:
             self._probe.restart()
 
     def take(self, state: State) -> None:
-        """Remember where everything is at the next tick.
+        """Store the pose of every link at the next tick.
 
         Raises
         ------
         BadBusMessage
-            when a vehicle or a link is missing that could hide a satellite.
+            when a vehicle or a link that could hide a satellite is missing.
         """
         if self._probe is not None:
             self._probe.take(state)
 
     def view(self, sim_nanos: int, antenna_in_world: Floats) -> sky.Geometry | None:
-        """Return what is received at an instant and a place, shape (3,); None without a fix."""
+        """Return the geometry of the received satellites; None without a fix.
+
+        The antenna's position has shape (3,).
+        """
         if sim_nanos < self._startup_nanos:
             return None
         x, y, _ = antenna_in_world.tolist()
@@ -81,7 +84,8 @@ class Reception:
 
 
 def inside(x: float, y: float, polygon: Sequence[tuple[float, float]]) -> bool:
-    """Tell whether a point is within a polygon, by how often a ray along x crosses its edges."""
+    """Return whether a point is inside a polygon, by counting the edges that a ray along x meets.
+    """
     crossed = False
     ax, ay = polygon[-1]
     for bx, by in polygon:

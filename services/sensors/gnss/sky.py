@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The satellites above an antenna, and what their geometry makes of a receiver's errors.
+"""Satellite geometry above an antenna, and its dilution of precision.
 
-Rule: directions in, dilution out. Satellites stand still, and are seen or not: signals are neither
-bent nor reflected, so tall walls take satellites away and add no detour (multipath).
+Satellites do not move and are either visible or hidden. Signals are neither refracted nor
+reflected, so tall walls hide satellites but cause no multipath.
 """
 
 from __future__ import annotations
@@ -17,36 +17,37 @@ from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats
 
 WORST_CONDITION = 1e6
-"""Of the normal matrix: beyond it, satellites are in a line or a cone and give no position."""
+"""Condition number of the normal matrix. Above it, satellites lie on a line or a cone and give no
+position."""
 
 
 class Geometry(NamedTuple):
-    """What the satellites in view are worth."""
+    """Geometry of the visible satellites."""
 
     satellites: int
     dilution_enu: tuple[float, float, float]
-    """Standard deviation of east, north and up, for ranges with errors of 1."""
+    """Standard deviation of east, north and up, for range errors with a standard deviation of 1."""
 
     @property
     def horizontal_dilution(self) -> float:
-        """HDOP."""
+        """Horizontal dilution of precision (HDOP)."""
         east, north, _ = self.dilution_enu
         return float(np.hypot(east, north))
 
 
 def directions(satellites_deg: Sequence[tuple[float, float]]) -> Floats:
-    """Return unit vectors east, north, up, shape (3, satellites), of azimuths and elevations."""
+    """Return unit vectors east, north, up, shape (3, satellites), from azimuths and elevations."""
     azimuths, elevations = np.radians(np.array(satellites_deg, np.float64).reshape(-1, 2)).T
     across = np.cos(elevations)
     return np.stack([across * np.sin(azimuths), across * np.cos(azimuths), np.sin(elevations)])
 
 
 def geometry(towards: Floats, visible: NDArray[np.bool_]) -> Geometry | None:
-    """Return the geometry of the visible satellites; None where they give no position.
+    """Return the geometry of the visible satellites; None if they give no position.
 
-    Position and receiver clock by least squares with equal weights: the covariance is the inverse
-    of H^T H, with a row (east, north, up, 1) a satellite (Misra and Enge, "Global Positioning
-    System", 2nd edition, section 6.1.2).
+    Position and receiver clock are estimated by least squares with equal weights. The covariance is
+    the inverse of H^T H, with one row (east, north, up, 1) per satellite (Misra and Enge, "Global
+    Positioning System", 2nd edition, section 6.1.2).
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def open_sky(towards: Floats) -> Geometry:
     Raises
     ------
     UserError
-        when they give no position.
+        when the satellites give no position.
     """
     found = geometry(towards, np.ones(towards.shape[1], np.bool_))
     if found is None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An inertial measurement unit: the kind `imu`. Other kinds never import it."""
+"""Sensor kind `imu`: an inertial measurement unit. Other kinds never import this package."""
 
 from groundlink.messages.base import Imu
 from groundlink.scenario import sensors as specs

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is wrong with an IMU: white noise, biases that stay and that wander, axes that lean.
+"""IMU errors: white noise, constant and wandering biases, and axis misalignment.
 
-Rule: an error depends on the scenario's seed, the sensor's name and the tick, never on when the
-process was started, so that a restart goes on as if nothing had happened. Temperature and
-vibration have no effect, and errors of scale do not depend on the size of what is measured.
+An error is a function of the scenario's seed, the sensor's name and the tick; it does not depend on
+the start time of the process. A restarted process therefore continues with the same errors.
+Temperature and vibration have no effect, and scale errors do not depend on the measured magnitude.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from services.sensors.noise.walks import BLOCK_TICKS, ErrorProcesses
 from .lowpass import Six
 
 BLOCK_SAMPLES = 128
-"""Samples whose orientation errors are drawn together."""
+"""Number of samples whose orientation errors are drawn together."""
 
 PEAK_OF_GAUSS_MARKOV = 0.61736
 """Highest Allan deviation of a Gauss-Markov process of sigma 1, at 1.89 time constants (IEEE Std
-952-1997, C.1.4: of its variance, 2 T/t (1 - T/(2t) (3 - 4 exp(-t/T) + exp(-2t/T))))."""
+952-1997, C.1.4, which gives the variance as 2 T/t (1 - T/(2t) (3 - 4 exp(-t/T) + exp(-2t/T))))."""
 
 
 class ImuErrors:
-    """The errors of one IMU: of its axes for each tick, of its orientation for each sample."""
+    """Error model of an IMU: axis errors for each tick, orientation errors for each sample."""
 
     def __init__(self, spec: InertialUnit, streams: RandomStreams) -> None:
         self._streams = streams
@@ -59,7 +59,7 @@ class ImuErrors:
         self._turns: list[Vector3] = []
 
     def measured(self, force: Vector3, rate: Vector3, tick: int) -> Six:
-        """Return what the axes make of a tick's specific force (m/s^2) and angular rate (rad/s)."""
+        """Apply the errors to a tick's specific force (m/s^2) and angular rate (rad/s)."""
         block, row = divmod(tick, BLOCK_TICKS)
         if block != self._block:
             self._rows, self._block = self.added(block).tolist(), block
@@ -74,14 +74,14 @@ class ImuErrors:
         return [value + error for value, error in zip(felt, added, strict=True)]
 
     def added(self, block: int) -> NDArray[np.float64]:
-        """Return what is added to force and rate in the 128 ticks from 128 block on, (128, 6)."""
+        """Return the additive errors of the 128 ticks from 128 block on, shape (128, 6)."""
         generator = self._streams.at("white", block * BLOCK_TICKS)
         white = self._normals(generator).draw(BLOCK_TICKS * 6).reshape(-1, 6) * self._white
         bias = self._walks.block(block)
         return white + bias[:, :6] + bias[:, 6:] + self._constant
 
     def turn(self, index: int) -> Vector3:
-        """Return by which rotation vector (rad, sensor's axes) sample `index` is off."""
+        """Return the orientation error of sample `index`: rotation vector in rad, sensor frame."""
         block, row = divmod(index, BLOCK_SAMPLES)
         if block != self._orientation_block:
             # Samples are at least a tick apart, so no two blocks begin at the same tick.
@@ -96,7 +96,7 @@ class ImuErrors:
         return self._normals(self._streams.at(purpose, 0)).draw(count)
 
     def _axes(self, noise: InertialNoise, triad: str) -> list[Six]:
-        """Return the rows of the matrix from true values to what the three axes feel."""
+        """Return the rows of the matrix from true values to the values along the three axes."""
         drawn = self._of_the_run(f"{triad}_axes", 9).reshape(3, 3)
         sigma = np.full((3, 3), math.radians(noise.misalignment_deg))
         np.fill_diagonal(sigma, noise.scale_factor)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The low pass of a triad of axes: Butterworth of second order, remembered for a finite time.
+"""Low-pass filter of a triad of axes: second-order Butterworth with finite memory.
 
-Rule: what comes out depends on the last so many ticks and on nothing before them, so that a
-restarted process gives the same bytes once it has seen those. The force and the rate are constant
-within a tick; for such a signal the weights are those of the continuous filter, exactly so but for
-the tail that is cut off where a billionth of a step is left.
+The output depends only on a fixed number of past ticks, so a restarted process gives the same bytes
+once it has received those ticks. Force and rate are constant within a tick. For such a signal the
+weights are exactly those of the continuous filter, except for the tail, which is cut off where the
+step response is within one billionth of its final value.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from groundlink.core.clock import TICK_SECONDS
 from groundlink.scenario.inertial import low_pass_ticks
 
 Six = list[float]
-"""Of specific force x, y, z and angular rate x, y, z."""
+"""Specific force x, y, z and angular rate x, y, z."""
 
 
 def weights(bandwidth_hz: float) -> NDArray[np.float64]:
-    """Return what each tick counts for at the end of a tick, the newest first; their sum is 1.
+    """Return the filter weights at the end of a tick, newest tick first; their sum is 1.
 
-    From the filter's step response, 1 - exp(-at) (cos at + sin at) with a = 2 pi f / sqrt(2), by
-    differences. A bandwidth of 0 is no filter.
+    The weights are differences of the filter's step response, 1 - exp(-at) (cos at + sin at) with a
+    = 2 pi f / sqrt(2). A bandwidth of 0 disables the filter.
     """
     if not bandwidth_hz:
         return np.ones(1)
@@ -39,17 +39,17 @@ def weights(bandwidth_hz: float) -> NDArray[np.float64]:
 
 
 class LowPass(Protocol):
-    """What a tick's six values go through."""
+    """Interface of a filter for the six values of a tick."""
 
     ticks: int
-    """How many it takes until something comes out."""
+    """Number of ticks until the first output."""
 
     def filtered(self, values: Six) -> Six | None:
-        """Take the values of the next tick; return those at its end, None while it fills."""
+        """Take the values of the next tick; return the filtered values, None while filling."""
 
 
 class AllPass:
-    """No filter."""
+    """Filter that returns its input."""
 
     ticks = 1
 
@@ -59,7 +59,7 @@ class AllPass:
 
 
 class Butterworth:
-    """A low pass with a bandwidth for each of six axes."""
+    """Low-pass filter with a bandwidth for each of six axes."""
 
     def __init__(self, bandwidths_hz: Sequence[float]) -> None:
         columns = [weights(bandwidth) for bandwidth in bandwidths_hz]
@@ -67,23 +67,24 @@ class Butterworth:
         # Rows from the oldest tick to the newest.
         self._weights = np.stack([np.pad(c, (0, self.ticks - len(c))) for c in columns], axis=1)
         self._weights = np.ascontiguousarray(self._weights[::-1])
-        # Each row is written twice, so that the newest so many always lie in one piece.
+        # Each row is written twice, so that the newest rows are always contiguous.
         self._rows = np.zeros((2 * self.ticks, len(columns)))
         self._taken = 0
 
     def filtered(self, values: Six) -> Six | None:
-        """Take the values of the next tick; return those at its end, None while it fills."""
+        """Take the values of the next tick; return the filtered values, None while filling."""
         row = self._taken % self.ticks
         self._rows[row] = self._rows[row + self.ticks] = values
         self._taken += 1
         if self._taken < self.ticks:
             return None
         window = self._rows[row + 1 : row + 1 + self.ticks]
-        # Summed row by row: a dot product's order would depend on where the window lies.
+        # Summed row by row, because the order of a dot product would depend on the window's
+        # position.
         out: Six = (self._weights * window).sum(axis=0).tolist()
         return out
 
 
 def low_pass(force_hz: float, rate_hz: float) -> LowPass:
-    """Return the filter of an IMU by its two bandwidths."""
+    """Return the filter of an IMU for its force and rate bandwidths."""
     return Butterworth([force_hz] * 3 + [rate_hz] * 3) if force_hz or rate_hz else AllPass()

@@ -1,22 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The inertial measurement unit: the paper's 3.3.3, at any rate up to the engine's 400 Hz.
+"""IMU model (section 3.3.3 of the paper), at any rate up to the engine's 400 Hz.
 
-Rule: sample i is stamped with event i of the rate's schedule and is the mean over the interval
-since event i-1, in the sensor's own frame: what was felt is integrated, not picked, so that shaking
-faster than the rate does not fold into the readings. The window runs from stamp to stamp in whole
-nanoseconds; ticks that it cuts count by their share. Errors belong to ticks: axes, noise and
-biases, then the low pass and the limits of each axis, then the mean, which is what gets rounded.
-The orientation is that at the stamp, the end of the window, and passes no filter.
+The stamp of sample i is event i of the rate's schedule. The sample is the mean over the interval
+since event i-1, in the sensor's own frame. Integration instead of sampling prevents aliasing of
+vibrations above the rate. The window runs from stamp to stamp in whole nanoseconds; ticks at its
+ends count by their share. Errors apply to ticks in this order: axes, noise and biases, then the low
+pass, then the limits of each axis. The mean is taken last and is then rounded. The orientation is
+that at the stamp, the end of the window, and is not filtered.
 
-Force and rate of tick k are both centered at state k-1 (`motion.py`), as the state after k, which a
-value in the middle of the tick would take, is not there yet. So both are centered at the same
-instant: half a tick (1.25 ms) before the middle of the window, at every rate. Without errors,
-reading times the difference of stamps is the change of the engine's velocity and of the orientation
-half a tick before the stamps: exactly so at 400 Hz, at any rate while the sensor does not turn, and
-to the second order of the angle turned within a window otherwise.
+Force and rate of tick k are both centered at state k-1 (`motion.py`), because a value in the middle
+of the tick would need the state after k. Both are therefore centered at the same instant: half a
+tick (1.25 ms) before the middle of the window, at every rate. Without errors, a reading times the
+difference of stamps is the change of the engine's velocity and of the orientation half a tick
+before the stamps. This is exact at 400 Hz, and exact at any rate while the sensor does not turn.
+Otherwise it holds to second order in the angle turned within a window.
 
-A sample is published by the first tick at or after its stamp. Sample 0 has no window; the first one
-out is the first whose window began after two states were seen and the low pass was full.
+A sample is published by the first tick at or after its stamp. Sample 0 has no window. The first
+published sample is the first whose window began after two states were received and the low pass was
+full.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from .motion import SensorMotion, TickMotion
 
 
 class Window:
-    """The interval between two stamps over which a sample is the mean."""
+    """Averaging interval of a sample, between two stamps."""
 
     def __init__(self, schedule: Schedule, index: int) -> None:
         self.index = index
@@ -51,7 +52,7 @@ class Window:
         self._shares: list[float] = []
 
     def add(self, values: Six, tick: int) -> None:
-        """Count the part of (tick-1, tick] that lies within the window."""
+        """Add the part of (tick-1, tick] that lies within the window."""
         tick_end = tick * TICK_NANOS
         inside = min(tick_end, self.end_nanos) - max(tick_end - TICK_NANOS, self.begin_nanos)
         if inside > 0:
@@ -66,16 +67,16 @@ class Window:
         return [total / ticks for total in self._sums]
 
     def shares(self) -> tuple[float, ...]:
-        """Return how much of each tick, oldest first, lies within the window."""
+        """Return the share of each tick within the window, oldest first."""
         return tuple(self._shares)
 
 
 @lru_cache(maxsize=256)
 def variance(noise: InertialNoise, shares: tuple[float, ...]) -> float:
-    """Return the variance of a sample by white noise and rounding, in the quantity's unit squared.
+    """Return a sample's variance from white noise and rounding, in the quantity's unit squared.
 
-    Noise of density N has variance N^2 * 400 Hz in each tick, and a sample is a weighted mean of
-    ticks: of those in its window, each spread over the ticks before it by the low pass.
+    Noise of density N has variance N^2 * 400 Hz in each tick. A sample is a weighted mean of the
+    ticks in its window, each of which the low pass spreads over earlier ticks.
     """
     of_ticks = np.convolve(shares[::-1], weights(noise.bandwidth_hz)) / math.fsum(shares)
     white = noise.noise_density**2 * TICK_RATE_HZ * float((of_ticks**2).sum())
@@ -83,11 +84,11 @@ def variance(noise: InertialNoise, shares: tuple[float, ...]) -> float:
 
 
 class ImuModel:
-    """One IMU of one vehicle (a `SensorModel`).
+    """IMU of a vehicle (a `SensorModel`).
 
-    Reported variances are those of the white errors of one sample, and of its rounding. Biases and
-    leaning axes are constant over many samples, which no variance of one can say; they are left to
-    the estimator, as with a real device.
+    Reported variances are those of a sample's white errors and rounding. Biases and misalignment
+    are constant over many samples, so the variance of one sample cannot express them. The estimator
+    has to model them, as with a real device.
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: sensors.InertialUnit) -> None:
@@ -104,24 +105,25 @@ class ImuModel:
         self.restart()
 
     def restart(self) -> None:
-        """Forget earlier states: time jumped or states were lost."""
+        """Forget earlier states. Called after a jump in time or a loss of states."""
         self._motion = SensorMotion(self._mount)
         self._filter = low_pass(*(triad.bandwidth_hz for triad in self._triads))
         self._window: Window | None = None
         self._tick = -1
 
     def settled_tick(self) -> int:
-        """Return the tick whose state a successor must see first, to go on with the next sample.
+        """Return the tick whose state a successor must receive first.
 
-        That is one tick before the window under way began, as it takes three states to see an
-        acceleration, and as much earlier as the low pass remembers; -1 before the first state.
+        The successor then continues with the next sample. This is one tick before the current
+        window began, because an acceleration needs three states, and earlier by the memory of the
+        low pass; -1 before the first state.
         """
         if self._window is None:
             return -1
         return min(self._tick, self._window.begin_nanos // TICK_NANOS - self._filter.ticks)
 
     def readings(self, state: messages.State) -> list[messages.Imu]:
-        """Return the sample that the next tick's state completes, if there is one.
+        """Return the sample that the next tick's state completes, if any.
 
         Raises
         ------
@@ -134,7 +136,7 @@ class ImuModel:
             raise messages.BadBusMessage(f"state of tick {state.tick}: no link poses of `{name}`")
         window = self._window
         if window is None:
-            # Motion is known from the tick after next on, so that without a low pass the window may
+            # Motion is known from the tick after next on, so without a low pass the window may
             # begin at the next tick.
             first_start = self._schedule.first_at_or_after(state.tick + self._filter.ticks)
             window = self._window = Window(self._schedule, first_start + 1)
@@ -157,7 +159,7 @@ class ImuModel:
         return [self._sample(window, motion, state)]
 
     def _sample(self, window: Window, motion: TickMotion, state: messages.State) -> messages.Imu:
-        """Return a finished window's sample, with its errors; it ends within `motion`."""
+        """Return the sample of a complete window that ends within `motion`, with its errors."""
         fx, fy, fz, rx, ry, rz = map(_rounded, window.mean(), self._resolutions)
         fraction = 1.0 + (window.end_nanos - state.tick * TICK_NANOS) / TICK_NANOS
         turned = from_rotation_vector(self._errors.turn(window.index))

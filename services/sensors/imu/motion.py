@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motion of an ideal IMU during each tick, from the poses of its vehicle's base.
 
-Rule: the paper's finite differences (3.3.3) at the sensor's own place, and no errors. Velocity is
-the difference of two positions of the sensor's origin: v(k) = (x(k) - x(k-1)) / dt. Specific force
-is the difference of two velocities with gravity added: (v(k) - v(k-1)) / dt. Angular rate is the
-rotation between the orientations in the middle of two successive ticks, divided by dt.
+The motion consists of the paper's finite differences (section 3.3.3) at the sensor's position,
+without errors. Velocity is the difference of two positions of the sensor's origin: v(k) = (x(k) -
+x(k-1)) / dt. Specific force is the difference of two velocities with gravity added: (v(k) - v(k-1))
+/ dt. Angular rate is the rotation between the orientations in the middle of two successive ticks,
+divided by dt.
 
-Both differences span the states k-2, k-1 and k, so both are centered at the instant of state k-1:
-a central difference has no error of first order there. They invert the physics engine's
-semi-implicit Euler step, x(k) = x(k-1) + v(k) dt with v(k) = v(k-1) + a(k-1) dt, exactly. Their
-sums telescope: forces to the engine's velocities v(k), rates to the orientation in the middle of a
-tick. The differences are taken where the sensor sits, so they contain the lever arm's centripetal
-and Euler terms.
+Both differences span the states k-2, k-1 and k, so both are centered at the instant of state k-1: a
+central difference has no first-order error there. They invert the physics engine's semi-implicit
+Euler step, x(k) = x(k-1) + v(k) dt with v(k) = v(k-1) + a(k-1) dt, exactly. Their sums telescope:
+forces to the engine's velocities v(k), rates to the orientation in the middle of a tick. The
+differences are taken at the sensor's position, so they contain the centripetal and Euler terms of
+the lever arm.
 """
 
 from __future__ import annotations
@@ -40,23 +41,23 @@ class TickMotion(NamedTuple):
     """The sensor's motion in the interval (k-1, k]."""
 
     world_from_sensor_before: Quaternion
-    """At tick k-1."""
+    """Orientation at tick k-1."""
 
     world_from_sensor: Quaternion
-    """At tick k."""
+    """Orientation at tick k."""
 
     specific_force_mps2: Vector3
-    """Acceleration minus gravity, in the sensor's frame of tick k-1, where the engine's force acts
-    and where the second difference of positions has its centre."""
+    """Acceleration minus gravity, in the sensor's frame of tick k-1. The engine applies the force
+    there, and the second difference of positions is centered there."""
 
     angular_rate_radps: Vector3
-    """In the sensor's frame of tick k-1, centered there as the force is."""
+    """Angular rate in the sensor's frame of tick k-1, centered there as the force is."""
 
     turn: Quaternion
     """before_from_now: the rotation from tick k-1 to tick k."""
 
     def orientation_at(self, fraction: float) -> Quaternion:
-        """Return world_from_sensor at a share of the interval, by constant angular rate."""
+        """Return world_from_sensor at a fraction of the interval, at constant angular rate."""
         if fraction == 1.0:
             return self.world_from_sensor
         x, y, z = rotation_vector(self.turn)
@@ -65,7 +66,7 @@ class TickMotion(NamedTuple):
 
 
 class SensorMotion:
-    """Turns the base's poses, one a tick, into the motion of a sensor mounted on it."""
+    """Convert the base's poses, one per tick, into the motion of a sensor mounted on the base."""
 
     def __init__(self, mount: Mount) -> None:
         roll, pitch, yaw = (math.radians(angle) for angle in mount.rpy_deg)
@@ -73,19 +74,19 @@ class SensorMotion:
         self._base_from_sensor = quaternion_from_rpy(roll, pitch, yaw)
         self._pose: tuple[Vector3, Quaternion] | None = None
         self._last: tuple[Vector3, Quaternion] | None = None
-        """Velocity (m/s) and half the turn of the tick before."""
+        """Velocity (m/s) and half the rotation of the previous tick."""
 
     def advance(self, world_from_base: list[float]) -> TickMotion | None:
-        """Take the base's pose at the next tick; return the motion since the last.
+        """Take the base's pose at the next tick; return the motion since the last tick.
 
         Parameters
         ----------
         world_from_base : seven floats
-            Position x, y, z in metres, then the unit quaternion x, y, z, w.
+            Position x, y, z in meters, then the unit quaternion x, y, z, w.
 
         Returns
         -------
-        The motion, or None for the first two poses: it takes three to see an acceleration.
+        The motion, or None for the first two poses, because an acceleration needs three.
         """
         px, py, pz, qx, qy, qz, qw = world_from_base
         base = (qx, qy, qz, qw)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The process around a sensor model: states in, readings out, ledger of due readings.
+"""Process around a sensor model: state input, reading output and the ledger of due readings.
 
-Imported by every kind of sensor. Knows what a kind is, and none by name.
+Every sensor kind imports this package. The package handles sensor kinds only through their
+interface and imports none of them.
 """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Interfaces of sensor models: states in, readings out.
+"""Interfaces of sensor models, which turn states into readings.
 
-A model reads no clock, bus or socket. It gets every state in order, without a gap since its
+A model reads no clock, bus or socket. It receives every state in order and without a gap since its
 construction or its last `restart`.
 """
 
@@ -18,42 +18,42 @@ class StreamMessage(NamedTuple):
     """A message of a stream other than the sensor's main one."""
 
     output: str
-    """Name of its stream, as in `SensorSpec.ros_topics`."""
+    """Name of the stream, as in `SensorSpec.ros_topics`."""
 
     message: BusMessage
 
 
 class LeftOut(NamedTuple):
-    """Stands in the place of a reading that was due and does not come."""
+    """Placeholder for a reading that was due and that the sensor left out."""
 
     nanos: int
-    """Sim time of its stamp."""
+    """Sim time of the omitted reading's stamp."""
 
     cause: Cause
     output: str | None = None
-    """The stream that lacks it; None for all streams of the sensor."""
+    """Name of the stream that lacks the reading; None for all streams of the sensor."""
 
 
 Made = BusMessage | StreamMessage | LeftOut
-"""What a sensor makes of a state."""
+"""Output of a sensor for one state."""
 
 
 def stream_and_message(made: BusMessage | StreamMessage) -> tuple[str, BusMessage]:
-    """Return what a sensor made as the name of its stream, empty for the main one, and message."""
+    """Return the stream name (empty for the main stream) and the message of an output."""
     return made if isinstance(made, StreamMessage) else ("", made)
 
 
 class SensorModel(Protocol):
-    """A sensor, without its process."""
+    """Interface of a sensor model, without the process around it."""
 
     def restart(self) -> None:
-        """Forget earlier states: time jumped or states were lost."""
+        """Forget earlier states. Called after a jump in time or a loss of states."""
 
     def readings(self, state: State) -> Iterable[Made]:
-        """Take the state of the next tick and yield what can be measured by it, oldest first.
+        """Take the state of the next tick and yield the readings that it completes, oldest first.
 
-        A plain message belongs to the sensor's main stream. A sensor that was asked for its truth
-        yields it behind each reading.
+        A plain message belongs to the sensor's main stream. A sensor with ground truth enabled
+        yields the ground truth after each reading.
         """
 
     def settled_tick(self) -> int:
@@ -62,26 +62,26 @@ class SensorModel(Protocol):
 
 @runtime_checkable
 class RememberingModel(SensorModel, Protocol):
-    """A sensor with a past that states do not tell: a counter that has missed ticks."""
+    """Sensor whose readings depend on more than the states, such as a counter with missed ticks."""
 
     def memory(self) -> bytes:
-        """Return what a successor has to know that sees the state of `settled_tick` first."""
+        """Return the memory for a successor whose first state is that of `settled_tick`."""
 
     def remember(self, memory: bytes) -> None:
-        """Go on from a predecessor's memory; from an empty one, begin anew."""
+        """Restore a predecessor's memory; empty memory resets to the initial condition."""
 
 
 class RemovedSensor:
-    """Model of a sensor whose vehicle was removed from the world: it measures nothing."""
+    """Model of a sensor whose vehicle was removed from the world; it yields no readings."""
 
     def __init__(self) -> None:
         self._tick = -1
 
     def restart(self) -> None:
-        """Do nothing."""
+        """Ignore the call; there is no state to forget."""
 
     def readings(self, state: State) -> Iterable[BusMessage | StreamMessage]:
-        """Yield nothing."""
+        """Yield no readings."""
         self._tick = state.tick
         return ()
 
@@ -92,25 +92,25 @@ class RemovedSensor:
 
 @runtime_checkable
 class SkippingModel(SensorModel, Protocol):
-    """A sensor whose measurements are dear: what would come late it can leave out, and says so."""
+    """Sensor with expensive measurements, which may leave out late readings and report them."""
 
     def behind(self, waiting: int) -> None:
-        """Take note, before each state, of how many more have arrived.
+        """Report, before each state, how many further states have arrived.
 
-        Of who is never told so everything comes, however late.
+        Without these calls, the sensor produces every reading, however late.
         """
 
 
 class Datagram(NamedTuple):
-    """What goes out by UDP in the device's own form."""
+    """UDP datagram in the device's own format."""
 
     payload: bytes
     port: int | None = None
-    """Where it does not go to the port that the user names."""
+    """Port, if it differs from the user's port."""
 
 
 class NativeDevice(Protocol):
-    """The device behind a sensor, as it would send its readings itself."""
+    """Emulation of the device's own network interface."""
 
     def datagrams(self, reading: Any, epoch_nanos: int) -> Iterable[Datagram]:
-        """Return what goes out with a reading, as it is published in a run of this epoch."""
+        """Return the datagrams for a published reading; `epoch_nanos` is the epoch of the run."""

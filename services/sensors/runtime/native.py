@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a device itself would send, by UDP, beside its readings on the bus.
+"""UDP output in a device's native format, in addition to the readings on the bus.
 
-Rule: datagrams come ready made from the device; they go out as readings are published, and are
-never waited for, repeated or answered. Who does not listen changes nothing.
+Datagrams are sent when a reading is published. They are not acknowledged or repeated, and a missing
+receiver has no effect on the run.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from .model import NativeDevice
 
 
 class NativeLink:
-    """A device, and where its own datagrams go.
+    """UDP link of one device to its destination.
 
     Raises
     ------
     UserError
-        when `destination` is no HOST:PORT.
+        when `destination` is not a valid HOST:PORT.
     """
 
     def __init__(self, device: NativeDevice, destination: str) -> None:
@@ -30,10 +30,10 @@ class NativeLink:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self.counters = {"native": 0, "native_unsent": 0}
-        """Datagrams sent, and those that the system did not take."""
+        """Number of datagrams sent, and of datagrams that the operating system rejected."""
 
     def send(self, reading: Any, epoch_nanos: int) -> None:
-        """Send what the device sends with a reading of a run of this epoch."""
+        """Send the datagrams of a published reading; `epoch_nanos` is the epoch of the run."""
         for payload, port in self._device.datagrams(reading, epoch_nanos):
             try:
                 self._socket.sendto(payload, (self._host, port or self._port))
@@ -42,18 +42,18 @@ class NativeLink:
                 self.counters["native_unsent"] += 1
 
     def close(self) -> None:
-        """Send no more."""
+        """Close the socket."""
         self._socket.close()
 
 
 class NoLink:
-    """Stands in where nobody wants the device's own datagrams."""
+    """Null object for a sensor without native output."""
 
     def __init__(self) -> None:
         self.counters: dict[str, int] = {}
 
     def send(self, reading: Any, epoch_nanos: int) -> None:
-        """Send nothing."""
+        """Ignore the reading."""
 
     def close(self) -> None:
-        """Nothing was open."""
+        """Do nothing; no socket is open."""

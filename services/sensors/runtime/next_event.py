@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Events of a schedule, tick by tick, for sensors that measure at single instants.
+"""Schedule events by tick, for sensors that measure at single instants.
 
-A model yields at most one measurement per state, since no rate exceeds that of ticks. Sensors that
-measure over an interval (an IMU's sample, a LiDAR's block) keep their own time.
+A model yields at most one measurement per state, because no rate exceeds the tick rate. Sensors
+that measure over an interval (an IMU sample, a LiDAR block) have their own timing.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ class Event(NamedTuple):
 
     number: int
     nanos: int
-    """Its instant, in sim time."""
+    """Sim time of the event."""
 
     tick: int
-    """The first at or after it, by whose state it can be measured."""
+    """First tick at or after the event. The event is measured with the state of this tick."""
 
 
 class NextEvent:
-    """The next event of a schedule."""
+    """Iterator over the events of a schedule, advanced tick by tick."""
 
     def __init__(self, schedule: Schedule) -> None:
         self._schedule = schedule
@@ -33,12 +33,13 @@ class NextEvent:
     def restart(self) -> None:
         """Forget earlier ticks; the next event is the first at or after the next tick."""
         self.tick = -1
-        """The last one; -1 before the first. No event up to it is to come."""
+        """Last tick taken; -1 before the first. All events up to this tick were returned or
+        skipped."""
 
         self._next: Event | None = None
 
     def by(self, tick: int) -> Event | None:
-        """Take the next tick; return the event that can be measured by its state, if one can."""
+        """Take the next tick; return the event that its state completes, if any."""
         if self._next is None:
             self._next = self._event(self._schedule.first_at_or_after(tick))
         self.tick = tick

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""NMEA 0183 sentences as a receiver sends them after each fix: GGA, RMC and VTG.
+"""NMEA 0183 sentences of a GNSS receiver: GGA, RMC and VTG.
 
-Rule: pure text from numbers, rounded once, in whole units of the last decimal, so that 59.99999
-minutes never become 60. Forms: NMEA 0183 with the mode indicator (version 2.3 and later), talker
-GP. Sentences of centimetre solutions have seven decimals of a minute and exceed the standard's 82
-characters, as real receivers' do.
+The functions are pure: numbers in, text out. Values are rounded once, in whole units of the last
+decimal, so that 59.99999 minutes never become 60. Format: NMEA 0183 with the mode indicator
+(version 2.3 and later), talker GP. Sentences with centimeter-level solutions have seven decimals of
+a minute. They exceed the standard's limit of 82 characters, as those of real receivers do.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from typing import NamedTuple
 
 KNOTS_PER_MPS = 3600 / 1852
 STANDING_MPS = 0.05
-"""Below it a receiver gives no course."""
+"""Below this speed a receiver reports no course."""
 
 NO_DILUTION = "99.99"
 
 
 class Epoch(NamedTuple):
-    """What a receiver tells of one instant."""
+    """Receiver solution at one instant."""
 
     stamp_nanos: int
-    """Since 1970, UTC."""
+    """UTC in nanoseconds since 1970."""
 
     quality: int
     """GGA: 0 no fix, 1 autonomous, 2 differential, 4 fixed and 5 floating RTK."""
@@ -36,10 +36,10 @@ class Epoch(NamedTuple):
     latitude_deg: float = 0.0
     longitude_deg: float = 0.0
     altitude_m: float = 0.0
-    """Above the ellipsoid."""
+    """Altitude above the ellipsoid."""
 
     geoid_m: float = 0.0
-    """Above the ellipsoid."""
+    """Height of the geoid above the ellipsoid."""
 
     east_mps: float = 0.0
     north_mps: float = 0.0
@@ -48,17 +48,17 @@ class Epoch(NamedTuple):
 
     @property
     def fixed(self) -> bool:
-        """Whether there is a position."""
+        """Whether the solution has a position."""
         return self.quality > 0
 
 
 def sentences(epoch: Epoch) -> list[bytes]:
-    """Return the three sentences of an instant."""
+    """Return the GGA, RMC and VTG sentences of an instant."""
     return [gga(epoch), rmc(epoch), vtg(epoch)]
 
 
 def gga(epoch: Epoch) -> bytes:
-    """Return the position, its quality, and the altitude above the geoid."""
+    """Return the GGA sentence: position, quality and altitude above the geoid."""
     time, _ = _time_and_date(epoch)
     if not epoch.fixed:
         return sentence("GPGGA", time, *[""] * 4, "0", "00", NO_DILUTION, *[""] * 6)
@@ -70,7 +70,7 @@ def gga(epoch: Epoch) -> bytes:
 
 
 def rmc(epoch: Epoch) -> bytes:
-    """Return time, date, position, speed and course."""
+    """Return the RMC sentence: time, date, position, speed and course."""
     time, date = _time_and_date(epoch)
     if not epoch.fixed:
         return sentence("GPRMC", time, "V", *[""] * 6, date, "", "", epoch.mode)
@@ -80,7 +80,7 @@ def rmc(epoch: Epoch) -> bytes:
 
 
 def vtg(epoch: Epoch) -> bytes:
-    """Return course and speed over ground."""
+    """Return the VTG sentence: course and speed over ground."""
     if not epoch.fixed:
         return sentence("GPVTG", "", "T", "", "M", "", "N", "", "K", epoch.mode)
     speed, course = _motion(epoch)
@@ -89,7 +89,7 @@ def vtg(epoch: Epoch) -> bytes:
 
 
 def sentence(*fields: str) -> bytes:
-    """Return a sentence with its checksum: the exclusive or of what is between $ and *."""
+    """Return a sentence with its checksum, the exclusive or of all bytes between $ and *."""
     body = ",".join(fields).encode("ascii")
     checksum = 0
     for byte in body:
@@ -98,14 +98,14 @@ def sentence(*fields: str) -> bytes:
 
 
 def _time_and_date(epoch: Epoch) -> tuple[str, str]:
-    """Return hhmmss.ss and ddmmyy, UTC."""
+    """Return the UTC time as hhmmss.ss and the date as ddmmyy."""
     seconds, hundredths = divmod((epoch.stamp_nanos + 5_000_000) // 10_000_000, 100)
     at = datetime.fromtimestamp(seconds, UTC)
     return f"{at:%H%M%S}.{hundredths:02d}", f"{at:%d%m%y}"
 
 
 def _position(epoch: Epoch) -> tuple[str, str, str, str]:
-    """Return latitude, N or S, longitude, E or W."""
+    """Return latitude, N or S, longitude, and E or W."""
     decimals = epoch.minute_decimals
     return (
         _degrees_and_minutes(epoch.latitude_deg, 2, decimals),
@@ -116,7 +116,7 @@ def _position(epoch: Epoch) -> tuple[str, str, str, str]:
 
 
 def _degrees_and_minutes(angle_deg: float, digits: int, decimals: int) -> str:
-    """Return an angle without its sign as (d)ddmm.mmm."""
+    """Return the absolute value of an angle as (d)ddmm.mmm."""
     unit = 10**decimals
     degrees, rest = divmod(round(abs(angle_deg) * 60 * unit), 60 * unit)
     minutes, fraction = divmod(rest, unit)
@@ -124,7 +124,7 @@ def _degrees_and_minutes(angle_deg: float, digits: int, decimals: int) -> str:
 
 
 def _motion(epoch: Epoch) -> tuple[float, str]:
-    """Return the speed in m/s, and the course in degrees clockwise from north, if it moves."""
+    """Return the speed in m/s, and the course in degrees clockwise from north if moving."""
     speed = math.hypot(epoch.east_mps, epoch.north_mps)
     if speed < STANDING_MPS:
         return speed, ""

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When cameras take pictures: at the events of a rate, and none that would come late.
+"""Timing of camera pictures: one picture per schedule event, with late pictures left out.
 
-Rule: picture i shows the world at event i of the rate's schedule, or from then on for as long as it
-is exposed. By what it is told of states that wait, a picture whose successor is due already is left
-out and marked: what is late stays late otherwise. What is in a picture is its camera's business.
+The exposure of picture i begins at event i of the rate's schedule. If the next picture is already
+due according to the number of waiting states, the picture is left out and reported as missing.
+Otherwise the camera would stay late. Subclasses draw the pictures.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from .next_event import NextEvent
 
 
 class Watcher(Protocol):
-    """What remembers states for the pictures of instants between them."""
+    """Buffer of states, for pictures at instants between ticks."""
 
     def restart(self) -> None:
         """Forget all states."""
 
     def take(self, state: State) -> None:
-        """Remember the next state."""
+        """Store the next state."""
 
 
 class PictureModel(ABC):
-    """A camera (a `SkippingModel`), but for its pictures.
+    """Timing of a camera (a `SkippingModel`); subclasses provide the pictures.
 
     Parameters
     ----------
     span_nanos : int
-        For how long after its event a picture is exposed: it is taken when all of that is known.
+        Duration of an exposure. The picture is taken once all of the exposure's states are known.
     """
 
     def __init__(self, spec: Optics, watcher: Watcher, *, span_nanos: int = 0) -> None:
@@ -48,7 +48,7 @@ class PictureModel(ABC):
         self._taken = 0
 
     def restart(self) -> None:
-        """Forget earlier states: time jumped or states were lost."""
+        """Forget earlier states. Called after a jump in time or a loss of states."""
         self._watcher.restart()
         self._due.restart()
         self._taken = 0
@@ -58,11 +58,11 @@ class PictureModel(ABC):
         return self._due.tick
 
     def behind(self, waiting: int) -> None:
-        """Take note, before each state, of how many more have arrived."""
+        """Report, before each state, how many further states have arrived."""
         self._waiting = waiting
 
     def readings(self, state: State) -> Sequence[Made]:
-        """Return the picture that is due by the next tick's state, if there is one.
+        """Return the messages of the picture that the next tick's state completes, if any.
 
         Raises
         ------
@@ -76,7 +76,7 @@ class PictureModel(ABC):
             raise
         self._taken += 1
         if self._taken <= self._span_ticks:
-            return []  # an exposure that ends by now has begun before what is known
+            return []  # an exposure that ends now began before the first known state
         event = self._due.by(state.tick - self._span_ticks)
         if event is None:
             return []
@@ -87,4 +87,4 @@ class PictureModel(ABC):
 
     @abstractmethod
     def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[BusMessage | StreamMessage]:
-        """Return the messages of the picture of an instant, the first of which is at `tick`."""
+        """Return the messages of a picture; `tick` is the first tick at or after its instant."""

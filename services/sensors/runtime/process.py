@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Process of one sensor: joins the run, builds the model and follows the states.
+"""Process of one sensor: join the run, build the model and follow the states.
 
-A sensor behaves the same in a process of its own and beside other sensors in one process.
+A sensor behaves the same in its own process and in a process shared with other sensors.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from .runner import SensorProcess
 
 
 def run(kind: SensorKind) -> None:
-    """Run the process of one sensor until it is asked to end."""
+    """Run the process of one sensor until a signal stops it."""
     process.run(f"sensors.{kind.name}", lambda arguments, stop: _main(kind, arguments, stop))
 
 
@@ -70,12 +70,12 @@ def _main(kind: SensorKind, arguments: Sequence[str], stop: threading.Event) -> 
 
 
 def kind_in(scenario: Scenario, name: str) -> SensorKind:
-    """Return the kind of the sensor that is called `vehicle/sensor`.
+    """Return the kind of the sensor named `vehicle/sensor`.
 
     Raises
     ------
     UserError
-        when there is no such sensor, or when its kind is not installed here.
+        when the sensor does not exist, or its kind is not installed on this machine.
     """
     found = scenario.sensor(name)
     if found is None:
@@ -93,14 +93,14 @@ def follower(
     *,
     native: str | None = None,
 ) -> StateFollower:
-    """Return what follows a run's states for the sensor of this name.
+    """Return the state follower of the named sensor.
 
     Parameters
     ----------
     opened
-        closes what the sensor opens.
+        Exit stack that closes the sensor's resources.
     native
-        HOST:PORT for the device's own datagrams, instead of the scenario's.
+        HOST:PORT for the device's own datagrams; overrides the scenario.
     """
     kind = kind_in(scenario, name)
     found = scenario.sensor(name)
@@ -115,7 +115,8 @@ def follower(
         link = NativeLink(load_reference(kind.native)(model, spec), destination)
         opened.callback(link.close)
     names = {"vehicle": vehicle.name, "sensor": spec.name}
-    # All that it says takes the way of its readings: who hears how far it has come has them.
+    # All messages of the sensor use one connection, so a participant that has received the sensor's
+    # progress has also received its readings.
     publisher = partial(bus.publisher, bulky=kind.bulky)
     publish = {
         output.name: publisher(output.row.key_in(run_name, **names), output.row.delivery)
@@ -163,8 +164,8 @@ def follower(
         acknowledge=publisher(ACK.key_in(run_name, process=name), ACK.delivery),
         ledger=ledger,
         reconnects=bus.reconnects,
-        # Nobody waits for it: what is a window late, which is as far as physics goes ahead of those
-        # that it does wait for, has lost its worth.
+        # No participant waits for this sensor. A state older than one window, the distance by which
+        # physics runs ahead of the participants that it waits for, is obsolete.
         max_waiting_ticks=None if time.waits else time.window_ticks,
     )
     live = LiveFaults(

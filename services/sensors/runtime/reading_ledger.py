@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reading ledger: whether each reading of a sensor was published or is missing, and why.
 
-Every reading that is due is entered once and in order, for each stream. A gap is found when a later
-reading is published or the sensor has passed its time, so models report only what they leave out on
-purpose. Gaps that were published shortly before a link broke may be lost; they are published again.
+Every due reading is entered once and in order, for each stream. The ledger finds a gap when a later
+reading is published or when the sensor has passed the gap's time. Models report only deliberate
+omissions. Gaps published shortly before a link failure may be lost, so they are published again.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from groundlink.messages.reading_schedule import ReadingSchedule
 from .model import LeftOut
 
 AGAIN_NANOS = 30_000_000_000
-"""Gaps published this recently are published again after a reconnect. A dead link is noticed after
-10 s at the latest, and the next link may end with it."""
+"""Gaps published within this period are published again after a reconnect. A dead link is detected
+after 10 s at the latest, and the link after it may fail at the same moment."""
 
 
 class _Missing(NamedTuple):
-    """Readings of one stream that follow one another."""
+    """Consecutive missing readings of one stream, with one cause."""
 
     first: int
     last: int
@@ -35,21 +35,21 @@ class _Missing(NamedTuple):
 
 
 class ReadingLedger:
-    """The account of one sensor.
+    """Record of the published and missing readings of one sensor.
 
     Parameters
     ----------
     sensor
-        vehicle/sensor.
+        Name as vehicle/sensor.
     outputs
-        Names of its streams.
+        Names of the sensor's streams.
     publish
-        Tells the run what is missing.
+        Publishes the missing readings.
 
     Attributes
     ----------
     missing : Counter
-        Readings that were told of, by cause.
+        Number of reported missing readings, by cause.
     """
 
     def __init__(
@@ -65,29 +65,29 @@ class ReadingLedger:
         self._publish = publish
         self.missing: Counter[Cause] = Counter()
         self._told: deque[MissingReadings] = deque()
-        """Of this episode, and not long ago."""
+        """Recently published gaps of this episode."""
 
         self._begin()
 
     def _begin(self) -> None:
-        """Begin an episode of physics: from tick 0 on, whenever the sensor has joined it."""
+        """Begin an episode. Its readings are due from tick 0 on, whenever the sensor joined."""
         self._told.clear()
         self._next = dict.fromkeys(self._outputs, self._calendar.first)
         self._pending: dict[str, list[_Missing]] = {output: [] for output in self._outputs}
         self._cause: Cause = "not there"
 
     def because(self, cause: Cause) -> None:
-        """Take note why the readings are missing that will turn out to be from now on."""
+        """Set the cause of the missing readings that are found from now on."""
         self._cause = cause
 
     def published(self, output: str, nanos: int) -> None:
-        """Take note of a reading, stamped with this sim time, that went out."""
+        """Record the publication of a reading with this sim time as its stamp."""
         reading = self._calendar.at_or_after(nanos)
         self._beyond(output, reading)
         self._next[output] = max(self._next[output], reading + 1)
 
     def left_out(self, one: LeftOut) -> None:
-        """Take note of a reading that does not go out."""
+        """Record a reading that the sensor left out."""
         reading = self._calendar.at_or_after(one.nanos)
         for output in self._outputs if one.output is None else (one.output,):
             self._beyond(output, reading)
@@ -96,16 +96,16 @@ class ReadingLedger:
     def tell(
         self, settled_tick: int, *, stamp_nanos: int, epoch_nanos: int, again: bool = False
     ) -> None:
-        """Tell the run what is missing, where something is.
+        """Publish the missing readings that were found since the last call, if any.
 
         Parameters
         ----------
         settled_tick
-            Nothing that is stamped before it is still to come.
+            All later readings will have a stamp at or after this tick.
         stamp_nanos
-            The instant of the last state.
+            Stamp of the last state.
         again
-            Tell what was told of late once more.
+            Whether to repeat recently published gaps.
         """
         settled = self._calendar.at_or_after(settled_tick * TICK_NANOS)
         outputs_of: dict[_Missing, list[str]] = {}
@@ -136,18 +136,18 @@ class ReadingLedger:
             self._publish(replace(told, gaps=(*before, *gaps)))
 
     def memory(self) -> bytes:
-        """Return what a successor has to know; what is missing has been told."""
+        """Return the memory for a successor; all missing readings have been published by now."""
         return msgspec.msgpack.encode(self._next)
 
     def remember(self, memory: bytes) -> None:
-        """Go on from a predecessor's memory; from an empty one, begin anew."""
+        """Restore a predecessor's memory; empty memory begins a new episode."""
         self._begin()
         if memory:
             self._next |= msgspec.msgpack.decode(memory, type=dict[str, int])
             self._cause = "restarted"
 
     def _beyond(self, output: str, reading: int) -> None:
-        """Take note that all before a reading, which is not accounted for yet, are missing."""
+        """Record all readings before `reading` that are not yet accounted for as missing."""
         self._miss(output, reading, self._cause)
 
     def _miss(self, output: str, end: int, cause: Cause) -> None:
@@ -161,7 +161,7 @@ class ReadingLedger:
 
 
 class NoReadingLedger:
-    """Stands for the account of what owes nothing."""
+    """Null object for a sensor without due readings."""
 
     def because(self, cause: Cause) -> None:
         """Do nothing."""
@@ -178,7 +178,7 @@ class NoReadingLedger:
         """Do nothing."""
 
     def memory(self) -> bytes:
-        """Return nothing."""
+        """Return empty memory."""
         return b""
 
     def remember(self, memory: bytes) -> None:

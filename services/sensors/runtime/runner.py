@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runner of a sensor model: feeds it states in order and publishes its readings.
+"""Runner of a sensor model: feed it states in order and publish its readings.
 
-The runner restarts a model after every gap in ticks, does not publish again what a predecessor
-published, and reports readings that are missing. Where nobody waits for the sensor and too many
-states are waiting, it drops all but the newest.
+The runner restarts a model after every gap in ticks, does not repeat readings of a predecessor, and
+reports missing readings. If no participant waits for the sensor and too many states are queued, the
+runner drops all but the newest state.
 """
 
 from __future__ import annotations
@@ -29,33 +29,33 @@ from .reading_ledger import NoReadingLedger, ReadingLedger
 
 
 def _never(world: str) -> bool:
-    """Know of no other world."""
+    """Accept no other world."""
     return False
 
 
 class _Memory(msgspec.Struct, array_like=True):
-    """What a successor has to know."""
+    """Memory of a sensor for its successor."""
 
     ledger: bytes = b""
     model: bytes = b""
 
 
 class SensorProcess:
-    """A model between the states of a run and its readings.
+    """Sensor model with its input of states and its output of readings.
 
     Parameters
     ----------
     expected_world_hash
-        Of the world that the model was made for.
+        Hash of the world that the model was built for.
     renew
-        Makes the model one for the world of another hash; False where there is none.
+        Rebuilds the model for the world of another hash; returns False if that world is unknown.
     ledger
-        Of what is due and what becomes of it.
+        Record of published and missing readings.
     reconnects
-        Tells how often the run had to be joined by another link.
+        Returns the number of reconnects of the bus session.
     max_waiting_ticks
-        States that may wait: with more of them it leaves out readings rather than to be late. None
-        where nothing is to be left out, however late it gets.
+        Maximum number of queued states. Above it, the sensor leaves out readings to avoid delay.
+        None disables this; the sensor then publishes every reading, however late.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class SensorProcess:
         self._max_waiting_ticks = max_waiting_ticks
         self._lets_go = False
         self._missing_cause: Cause = "states lost"
-        # Asked once: it takes 20 us, more than most sensors take for a state.
+        # Checked once, because the check takes 20 us, more than most sensors need for a state.
         self._skipping = (
             model if max_waiting_ticks is not None and isinstance(model, SkippingModel) else None
         )
@@ -96,11 +96,11 @@ class SensorProcess:
         self.refused = 0
 
     def resume(self, ack: Ack) -> None:
-        """Go on where a predecessor stopped: what it has settled is not published again."""
+        """Continue after a predecessor without repeating its settled readings."""
         self._model.restart()
         self._episode = ack.episode
         self._published_to = ack.settled_tick
-        # Others may need earlier states; what is remembered here is of the settled tick.
+        # The model may need earlier states. Its memory applies to the settled tick.
         self.tick = max(ack.settled_tick, 0) - 1
         self._missing_cause = "restarted"
         self._remember(ack.memory)
@@ -114,7 +114,7 @@ class SensorProcess:
             self._model.remember(known.model)
 
     def _is_let_go(self, waiting: int) -> bool:
-        """Return whether a state is let go: once too many wait, all but the newest are."""
+        """Return whether to drop a state: all but the newest are, once too many are queued."""
         if self._max_waiting_ticks is None:
             return False
         self._lets_go = waiting > (0 if self._lets_go else self._max_waiting_ticks)
@@ -123,12 +123,14 @@ class SensorProcess:
         return self._lets_go
 
     def take(self, state: State, waiting: int = 0) -> None:
-        """Feed one state; publish what it makes measurable. So many more have arrived by now.
+        """Feed one state and publish the readings that it completes.
+
+        `waiting` is the number of further states that have arrived.
 
         Raises
         ------
         UserError
-            when physics simulates another world than this replica holds.
+            when physics simulates a world that differs from this replica.
         """
         if state.episode == self._episode and state.tick <= self.tick:
             return
@@ -161,7 +163,7 @@ class SensorProcess:
         settled_before = self._model.settled_tick()
         try:
             made = list(self._model.readings(state))
-        except BadBusMessage:  # a state that is well formed and lacks what is measured
+        except BadBusMessage:  # a valid state without the vehicle or link that the sensor measures
             self.refused += 1
             self._ledger.because("states lost")
             return
@@ -180,7 +182,7 @@ class SensorProcess:
             self.tell_progress()
 
     def tell_progress(self) -> None:
-        """Tell what is missing, and acknowledge the last state with what a successor must know."""
+        """Publish missing readings and acknowledge the last state with the successor's memory."""
         assert self._episode is not None, "no state was taken"
         settled = self._model.settled_tick()
         instant = self.epoch_nanos + self.tick * TICK_NANOS

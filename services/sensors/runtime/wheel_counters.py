@@ -1,21 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The 64-bit counters of wheel encoders: the paper's 3.3.4.
+"""64-bit counters of wheel encoders (section 3.3.4 of the paper).
 
-Rule: a counter is a function of its wheel's angle, plus what was missed or reset. The paper adds up
-differences of angle and counts one up or down whenever they reach the encoder's resolution; joint
-angles never wrap, so the sum of the differences is the angle itself, and the count is how many
-lines of the disc have gone past. The lines stand still on the disc, as a real encoder's do: a line
-passed forward counts up and the same line passed back counts down again. The first line is half a
-resolution away from angle zero, so that a wheel at rest there does not flicker, both directions
-count alike, and a counter is never further than half a tick from the angle. (The paper's rule
-starts anew at the last count, which makes a backlash of one tick; the two differ by one tick at
-most.)
+A counter is a function of the wheel's angle, plus missed ticks and resets. The paper adds up
+differences of angle and counts one up or down whenever they reach the encoder's resolution. Joint
+angles never wrap, so the sum of the differences is the angle itself, and the count is the number of
+passed lines of the disc. The lines are fixed on the disc, as on a real encoder: a line passed
+forward counts up, and the same line passed backward counts down. The first line is half a
+resolution away from angle zero. A wheel at rest at zero therefore does not flicker, both directions
+count alike, and a counter differs from the angle by at most half a tick. (The paper's rule restarts
+at the last count, which causes a backlash of one tick. The two rules differ by at most one tick.)
 
-A wheel may err: by a relative error of scale, drawn for a run, and by slip, a random walk of the
-angle (`scale_stddev`, `slip_stddev`). The counter then follows the angle with these errors.
+A wheel may have two errors: a relative scale error, drawn once per run, and slip, a random walk of
+the angle (`scale_stddev`, `slip_stddev`). The counter follows the angle with these errors.
 
-What was missed, reset and slipped is all that has to be remembered. Nothing is missed and nothing
-slips where states are lost.
+The memory consists of missed ticks, resets and slip. No ticks are missed and no slip is added while
+states are lost.
 """
 
 from __future__ import annotations
@@ -31,37 +30,37 @@ from groundlink.scenario.sensors import Encoders
 from services.sensors.noise.random_streams import RandomStreams
 
 BLOCK_TICKS = 128
-"""Ticks whose slip is drawn from one stream."""
+"""Number of ticks whose slip is drawn from one random stream."""
 
 
 def wrapped(count: int) -> int:
-    """Return a count as a signed counter of 64 bits holds it; of a difference, the short way."""
+    """Wrap a count to a signed 64-bit counter; for a difference, the shorter direction."""
     return (count + 2**63) % 2**64 - 2**63
 
 
 class _Memory(msgspec.Struct, array_like=True):
-    """Of all counters."""
+    """Memory of all counters."""
 
     offsets: list[int]
-    """What each counter says beyond the lines that its wheel has passed."""
+    """Count of each wheel in excess of the lines that it has passed."""
 
     resets: int = 0
-    """Done so far."""
+    """Number of resets done so far."""
 
     slipped: list[float] = msgspec.field(default_factory=list)
-    """Radians that each wheel's counted angle is ahead, beside its error of scale."""
+    """Slip of each wheel's counted angle in radians, without the scale error."""
 
 
 class WheelCounters:
-    """The counters of one vehicle's wheels, as one of its `encoders` sensors has them."""
+    """Counters of one vehicle's wheels for one `encoders` sensor."""
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Encoders) -> None:
         self._vehicle = vehicle.name
         model = vehicle.model
         self.names = tuple(shaft.name for shaft in model.counted)
-        """Of wheels, or of tracks, in the order of their counters."""
+        """Names of wheels, or of tracks, in the order of their counters."""
 
-        # A track's wheels turn together, so any of them tells how its sprocket turns.
+        # A track's wheels turn together, so any wheel gives the rotation of the sprocket.
         self._wheels = [shaft.wheels[0] for shaft in model.counted]
         self._gears = [
             model.wheels[shaft.wheels[0]].radius_m / shaft.radius_m for shaft in model.counted
@@ -82,7 +81,7 @@ class WheelCounters:
         self.remember(b"")
 
     def remember(self, memory: bytes) -> None:
-        """Go on from an earlier `memory()`; from an empty one, as when physics starts."""
+        """Restore the result of an earlier `memory()`; empty memory is that of a run's start."""
         if memory:
             self._memory = msgspec.msgpack.decode(memory, type=_Memory)
         else:
@@ -91,11 +90,11 @@ class WheelCounters:
         self.restart()
 
     def memory(self) -> bytes:
-        """Return what the last state does not tell."""
+        """Return the part of the counters that the last state does not determine."""
         return msgspec.msgpack.encode(self._memory)
 
     def restart(self) -> None:
-        """Forget earlier angles: time jumped or states were lost."""
+        """Forget earlier angles. Called after a jump in time or a loss of states."""
         self._angles: list[float] = []
         self._turned: list[float] = []
         self._before: tuple[list[float], list[int]] = ([], [])
@@ -106,7 +105,7 @@ class WheelCounters:
         Raises
         ------
         BadBusMessage
-            when it lacks a wheel of the vehicle.
+            when the state lacks a wheel of the vehicle.
         """
         vehicle = state.vehicles.get(self._vehicle)
         angles = [] if vehicle is None else floats(vehicle.joint_positions).tolist()
@@ -126,9 +125,10 @@ class WheelCounters:
             self._miss(state.tick, last)
 
     def ticks(self, lead_nanos: int = 0) -> tuple[int, ...]:
-        """Return the counters at `lead_nanos` (of the last tick, not above 0) from the last state.
+        """Return the counters at an instant `lead_nanos` from the last state.
 
-        Between two states by linear interpolation: within a tick a wheel turns at constant speed.
+        `lead_nanos` lies within the last tick and is not positive. Counts between two states are
+        interpolated linearly, because a wheel turns at constant speed within a tick.
         """
         angles, offsets = self._angles, self._memory.offsets
         if lead_nanos:
@@ -146,7 +146,7 @@ class WheelCounters:
         return math.floor(angle * self._lines_per_radian + 0.5)
 
     def _reset(self, tick: int, angles: list[float]) -> None:
-        """Let the counters begin anew if they were to do so before this tick."""
+        """Reset the counters if a reset was due before this tick."""
         memory = self._memory
         while memory.resets < len(self._reset_ticks) and self._reset_ticks[memory.resets] < tick:
             memory.resets += 1
@@ -156,7 +156,7 @@ class WheelCounters:
             ]
 
     def _slipped(self, tick: int, angles: list[float]) -> list[float]:
-        """Return angles with each wheel's slip up to this tick."""
+        """Return the angles with each wheel's slip up to this tick."""
         block, row = divmod(tick, BLOCK_TICKS)
         if block != self._slips[0]:
             generator = self._streams.at("slip", block * BLOCK_TICKS)
@@ -172,7 +172,7 @@ class WheelCounters:
         return [angle + slip for angle, slip in zip(angles, self._memory.slipped, strict=True)]
 
     def _miss(self, tick: int, last: list[float]) -> None:
-        """Take back some of the lines that went by in this tick."""
+        """Remove missed counts from the lines passed in this tick."""
         pairs = zip(self._angles, last, strict=True)
         steps = [self._line(now) - self._line(before) for now, before in pairs]
         generator = self._streams.at("missed_ticks", tick)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""World replica: a sensor's own copy of the world and of the motion of its vehicles and actors.
+"""World replica: a sensor's copy of the world and of the motion of its vehicles and actors.
 
-Built from the scenario alone and moved by states alone. LiDARs and cameras share it.
+It is built from the scenario and updated only by states. LiDARs and cameras share this class.
 """
 
 from __future__ import annotations
@@ -21,33 +21,34 @@ from groundlink.world.actors import form_solids
 from groundlink.world.solids import Box, Cylinder, Mesh, Solid, Sphere
 
 POSE_BYTES = 7 * 8
-"""In a state: position and quaternion, float64."""
+"""Columns of a pose in a state: position and quaternion, float64."""
 
 _NOTHING = memoryview(b"")
 
 
 class WorldReplica:
-    """The world around one sensor.
+    """World around one sensor.
 
     Parameters
     ----------
     scenario : Scenario
     vehicle : Vehicle
-        The sensor's own; it is as solid as the others.
+        Vehicle of the sensor; it is as solid as the other vehicles.
     eye_in_base : Vector3
-        Where the sensor is. Visuals of its base that enclose this point are the sensor's housing
-        and are left out: it looks out of it.
+        Position of the sensor in its base. Visuals of the base that enclose this point are the
+        sensor's housing. They are left out so that they do not block the view.
 
     Attributes
     ----------
     static : tuple of Solid
-        In the world.
+        Static solids of the world.
     links : list of list of Solid
-        Those of all vehicles, then the actors, in the scenario's order, each in its own frame.
+        Solids of all vehicles' links, then of the actors, in the scenario's order, each in its own
+        frame.
     movers : list of str
-        The vehicle of each link, or the actor that it is.
+        Name of each link's vehicle, or of the actor.
     base : int
-        Number of the link that the sensor is mounted on.
+        Index of the link that the sensor is mounted on.
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, eye_in_base: Vector3) -> None:
@@ -76,7 +77,7 @@ class WorldReplica:
         self._poses: list[Floats] = []
 
     def take(self, state: State) -> None:
-        """Remember where every link is at the next tick.
+        """Store the pose of every link at the next tick.
 
         Raises
         ------
@@ -99,16 +100,16 @@ class WorldReplica:
         self._poses.append(np.frombuffer(b"".join(rows), np.float64).reshape(-1, 7))
 
     def motion(self, first_tick: int, last_tick: int) -> Floats:
-        """Return world_from_link from one tick to another, shape (ticks, links, 7).
+        """Return world_from_link for a range of ticks, shape (ticks, links, 7).
 
-        For ticks that are not known, not yet or no longer, it is that of the nearest known one.
+        Ticks before the first or after the last known state get the pose of the nearest known tick.
         """
         first, newest = first_tick - self._first_tick, len(self._poses) - 1
         ticks = range(first, first + last_tick - first_tick + 1)
         return np.stack([self._poses[min(max(tick, 0), newest)] for tick in ticks])
 
     def at(self, nanos: int) -> Floats:
-        """Return world_from_link at a sim time, shape (links, 7), between the states around it."""
+        """Return world_from_link at a sim time, interpolated between states, shape (links, 7)."""
         tick, beyond = divmod(nanos, TICK_NANOS)
         before, after = self.motion(tick, tick + 1)
         share = np.array(beyond / TICK_NANOS)
@@ -123,7 +124,7 @@ class WorldReplica:
 
 
 def _encloses(solid: Solid, point: Vector3) -> bool:
-    """Tell whether a point is inside a solid, both in the same frame."""
+    """Return whether a point is inside a solid, both in the same frame."""
     offset = np.subtract(point, solid.position_m)
     x, y, z = (float(v) for v in matrix_from_quaternion(solid.orientation).T @ offset)
     match solid.shape:
@@ -133,5 +134,5 @@ def _encloses(solid: Solid, point: Vector3) -> bool:
             return math.hypot(x, y) <= radius and abs(z) <= length / 2
         case Sphere(radius_m=radius):
             return math.hypot(x, y, z) <= radius
-        case Mesh(low_m=low, high_m=high):  # its box: a housing is hardly anything else
+        case Mesh(low_m=low, high_m=high):  # bounding box; nearly all housings are boxes
             return all(a <= b <= c for a, b, c in zip(low, (x, y, z), high, strict=True))
