@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A picture against PyBullet's two renderers: `python -m benchmarks.camera`.
+"""Rendering time compared with PyBullet's two renderers: `python -m benchmarks.camera`.
 
-Rule: the same room through the same pinhole from the same places, color and depth read back, turn
-by turn, each in a process of its own, as PyBullet's EGL bears no other OpenGL beside it. Ours has
-textures and the shadows of two lamps and of a vehicle that moves with every picture; PyBullet draws
-plain colors, TinyRenderer with its shadow, EGL without, as it has none, both without a
-segmentation mask, and nothing moves there. PyBullet has one sample a pixel and jagged edges, as
-`groundlink_jagged` has; `groundlink` has the four that are the default. `groundlink_lens` has
-distortion, chromatic aberration, vignetting, depth of field and noise besides, and a JPEG. Figures
-are medians; `ratio` is of the processor's time over all threads, which other load on the machine
-disturbs least, `wall_ratio` of the elapsed time.
+All renderers draw the same room through the same pinhole from the same positions and read back
+color and depth. They take turns, each in its own process, because PyBullet's EGL fails beside
+another OpenGL context. Groundlink draws textures and the shadows of two lamps and of a vehicle that
+moves with every picture. PyBullet draws plain colors and a static scene without a segmentation
+mask: TinyRenderer with its shadow, EGL without shadows, which it lacks. PyBullet has one sample per
+pixel and jagged edges, as `groundlink_jagged` has; `groundlink` has the default of four samples.
+`groundlink_lens` adds distortion, chromatic aberration, vignetting, depth of field, noise and a
+JPEG. Figures are medians. `ratio` compares processor time over all threads, which other load on the
+machine disturbs least; `wall_ratio` compares elapsed time.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ GOALS = {
     ("groundlink", "tiny"): 4.0,
     ("groundlink_lens", "tiny"): 2.5,
 }
-"""Least ratios that are claimed."""
+"""Lowest ratios that Groundlink claims."""
 
 NAMES = {
     "groundlink": "a picture",
@@ -77,7 +77,7 @@ GRAIN = Imager(full_well_electrons=10000.0, read_noise_electrons=5.0, black_leve
 
 
 def clocks() -> Floats:
-    """Return elapsed and processor time, milliseconds."""
+    """Return elapsed and processor time in milliseconds."""
     return 1e3 * np.array([time.perf_counter(), time.process_time()])
 
 
@@ -90,7 +90,7 @@ def place(scenario: Scenario, vehicle: Vehicle, camera: Camera, number: int) -> 
 
 
 class Ours:
-    """Our renderer on its way through the room."""
+    """Groundlink's renderer on a path through the room."""
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, camera: Camera) -> None:
         self._scenario, self._vehicle, self._camera = scenario, vehicle, camera
@@ -110,19 +110,19 @@ class Ours:
         self._picture(number)
 
     def draw_and_compress(self, number: int) -> None:
-        """Do so, with what lens and sensor add, and make a JPEG of it."""
+        """Move everything, draw with lens and sensor effects, and encode a JPEG."""
         color = self._lens.seen(self._picture(number)).color
         color = self._electronics.read(color, number)
         jpeg(0, "", color, gray=False, quality=self._camera.jpeg_quality)
 
 
 class Rival:
-    """PyBullet with the same solids and the vehicle where it starts."""
+    """PyBullet with the same solids and the vehicle at its spawn pose."""
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, camera: Camera, *, egl: bool) -> None:
         self._client = pybullet.connect(pybullet.DIRECT)
         if egl:
-            self._load_egl()  # it draws nothing that was there before it
+            self._load_egl()  # objects loaded before the renderer are not drawn
         self._pinhole = Pinhole.of(camera)
         self._place: Callable[[int], Floats] = lambda n: place(scenario, vehicle, camera, n)
         materials = scenario.world.materials
@@ -133,7 +133,7 @@ class Rival:
             self._add(visual, base, materials[visual.material].color)
 
     def _load_egl(self) -> None:
-        """Load PyBullet's EGL renderer, which comes with it."""
+        """Load the EGL renderer that is part of PyBullet."""
         found = importlib.util.find_spec("eglRenderer")
         assert found is not None
         assert found.origin is not None
@@ -164,9 +164,9 @@ class Rival:
         )
 
     def picture(self, number: int, renderer: int, *, shadow: int) -> None:
-        """Draw."""
+        """Draw a picture."""
         pinhole = self._pinhole
-        # OpenGL's camera looks along -z, with y up; its projection has a far plane here.
+        # OpenGL's camera looks along -z with y up; its projection needs a far plane.
         world_from_camera = self._place(number) @ np.diag([1.0, -1.0, -1.0, 1.0])
         near, far = 0.02, 100.0
         projection = np.zeros((4, 4))
@@ -188,7 +188,7 @@ class Rival:
 
 
 def painter(way: str, size: tuple[int, int]) -> Callable[[int], None]:
-    """Return what draws a picture by its number in one of the ways."""
+    """Return a function that draws a picture by its number, with one of the renderers."""
     scenario = load(LAB)
     vehicle, camera = scenario.sensor("rover/camera") or (None, None)
     assert vehicle is not None
@@ -208,7 +208,7 @@ def painter(way: str, size: tuple[int, int]) -> Callable[[int], None]:
 
 
 def paint(way: str, size: tuple[int, int]) -> None:
-    """Draw whenever a number comes in, and tell the elapsed and the processor's time."""
+    """Draw a picture for each number on stdin, and print the elapsed and the processor time."""
     picture = painter(way, size)
     for line in sys.stdin:
         started = clocks()
@@ -217,7 +217,7 @@ def paint(way: str, size: tuple[int, int]) -> None:
 
 
 class Painter:
-    """A process that draws in one way."""
+    """Process with one of the renderers."""
 
     def __init__(self, way: str, size: str) -> None:
         self._process = subprocess.Popen(
@@ -231,22 +231,22 @@ class Painter:
         self._asked, self._told = self._process.stdin, self._process.stdout
 
     def picture(self, number: int) -> Floats:
-        """Return what a picture took: elapsed and processor's time, milliseconds."""
+        """Return the elapsed and the processor time of a picture, in milliseconds."""
         print(number, file=self._asked, flush=True)
         for line in self._told:
-            _, told, figures = line.partition(TOOK)  # PyBullet prints, too
+            _, told, figures = line.partition(TOOK)  # PyBullet prints to stdout, too
             if told:
                 return np.array([float(word) for word in figures.split()])
         raise SystemExit("a painter has ended; see its last line")
 
     def end(self) -> None:
-        """End the process."""
+        """Stop the process."""
         self._asked.close()
         self._process.wait(5)
 
 
 def main() -> int:
-    """Measure, print, and with --check compare."""
+    """Measure, print, and compare with --check."""
     parser = argparse.ArgumentParser(prog="benchmarks.camera", description=__doc__)
     add_options(parser)
     parser.add_argument("--size", default="1280x720", metavar="WxH")

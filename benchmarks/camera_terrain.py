@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of a terrain against those of the laboratory: `python -m benchmarks.camera_terrain`.
+"""Rendering time of a terrain compared with the laboratory: `python -m benchmarks.camera_terrain`.
 
-Rule: 640 x 480, color and depth, no lens, turn by turn in one process; the terrain is hills of
-15 x 15 km in cells of 10 m, with four materials. Figures are medians over places of the processor's
-time over all threads; `start` is from the world's data to the first picture, `memory` what that
-adds, the same for both worlds but for what they are made of.
+Pictures have 640 x 480 pixels, color and depth, and no lens. Both worlds take turns in one process.
+The terrain is 15 x 15 km of hills in cells of 10 m, with four materials. Figures are medians over
+positions of processor time over all threads. `start` is the time from the world's data to the first
+picture, and `memory` the memory that this adds. Both worlds differ only in their content.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ ROUNDS = 8
 
 
 def looking(x: float, y: float, z: float, yaw_deg: float) -> Floats:
-    """Return world_from_optical of a camera that is tilted down a little."""
+    """Return world_from_optical of a camera that is tilted down slightly."""
     turn = quaternion_from_rpy(0.0, np.radians(5.0), np.radians(yaw_deg))
     return transform(np.array([x, y, z]), multiply(turn, MOUNT_FROM_OPTICAL))
 
@@ -72,13 +72,13 @@ def hilly(scenario: Scenario) -> Scenario:
 
 
 def resident_mb() -> float:
-    """Return the memory of this process."""
+    """Return the resident memory of this process in MB."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return pages * 4096 / 1e6
 
 
 class Viewpoint:
-    """A world and where to look from."""
+    """World with a list of camera poses."""
 
     def __init__(self, scenario: Scenario, poses: list[Floats]) -> None:
         before, since = resident_mb(), time.process_time()
@@ -91,7 +91,7 @@ class Viewpoint:
         self.memory_mb = resident_mb() - before
 
     def milliseconds(self, number: int) -> float:
-        """Return what a picture took."""
+        """Return the processor time of a picture in milliseconds."""
         since = time.process_time()
         self._renderer.draw(self._poses[number % len(self._poses)])
         return 1e3 * (time.process_time() - since)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Count what repair delivers over lossy links: `python -m benchmarks.repair`.
+"""Delivery rates of the repair modes over lossy links: `python -m benchmarks.repair`.
 
-Rule: links and times are simulated and seeded, so that the counts are the same everywhere; only
-`--latency` uses processes, sockets and a clock: it is the bridge benchmark's part `resending`.
+Links and times are simulated and seeded, so the counts are the same on every machine. Only
+`--latency` uses processes, sockets and the wall clock: it runs the part `resending` of the bridge
+benchmark.
 """
 
 from __future__ import annotations
@@ -42,7 +43,10 @@ ROWS: list[tuple[str, Mode | None, Callable[[int], Loss], bool]] = [
 
 
 def delivered(mode: Mode | None, make: Callable[[int], Loss], back: bool, count: int) -> str:
-    """Return a row's figures for `count` messages of 64 parts, ten a second, 10 ms each way."""
+    """Return the figures of a table row.
+
+    The run sends `count` messages of 64 parts, ten per second, with a delay of 10 ms each way.
+    """
     sim = Simulation(
         repair={TOPIC: mode} if mode else None,
         loss=make(1),
@@ -50,7 +54,7 @@ def delivered(mode: Mode | None, make: Callable[[int], Loss], back: bool, count:
         delay=10 * MS,
         datagram=256,
     )
-    # A multiple of 8 is what is left for a coded part.
+    # The payload of a coded part is a multiple of 8 bytes.
     size = PARTS * (PART if not isinstance(mode, Fec) else PART - 8) - 5
     bodies = [random.Random(index).randbytes(size) for index in range(4)]
     wrong = 0

@@ -84,7 +84,9 @@ class Reception:
 
 
 def inside(x: float, y: float, polygon: Sequence[tuple[float, float]]) -> bool:
-    """Return whether a point is inside a polygon, by counting the edges that a ray along x meets.
+    """Return whether a point is inside a polygon.
+
+    An odd number of edges crosses the ray along x from the point.
     """
     crossed = False
     ax, ay = polygon[-1]

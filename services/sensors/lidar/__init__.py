@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A spinning LiDAR: the kind `lidar`. Other kinds never import it."""
+"""Sensor kind `lidar`: a spinning LiDAR. Other kinds never import this package."""
 
 from groundlink.messages.base import PointCloud
 from groundlink.messages.ground_truth import TruePoints

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects of faults on a cloud: wrong ranges, a covered sector."""
+"""Fault effects on a point cloud: range offset and covered sector."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from services.sensors.faults.sectors import within
 
 
 def offset_range(cloud: PointCloud, offsets: Offsets) -> PointCloud:
-    """Move points along the line from the sensor's origin; what comes behind it is gone."""
+    """Move points along the line from the sensor's origin; remove points that move behind it."""
     points = cloud.records()
     range_m = np.sqrt(sum(points[axis].astype(np.float64) ** 2 for axis in "xyz"))
     moved_m = range_m + offsets(len(points), 1)[:, 0]
@@ -25,7 +25,7 @@ def offset_range(cloud: PointCloud, offsets: Offsets) -> PointCloud:
 
 
 def cover(cloud: PointCloud, begin_rad: float, width_rad: float) -> PointCloud:
-    """Take out the points of a sector."""
+    """Remove the points of a sector."""
     points = cloud.records()
     azimuth = np.arctan2(points["y"], points["x"], dtype=np.float64)
     return replace(cloud, points=packed(points[~within(azimuth, begin_rad, width_rad)]))

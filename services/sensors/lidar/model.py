@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A spinning LiDAR: states of the world in, one cloud for each revolution or block of it out.
+"""Spinning LiDAR model: turn states of the world into one cloud per revolution or block.
 
-Rule: what is measured, and when, is the scanner's business; here returns become points. A point is
-in the sensor's frame at its ray's instant: what a driver publishes that does not undo the motion.
+The scanner decides what is measured and when; this module converts returns into points. A point is
+in the sensor's frame at the instant of its ray, as published by a driver without motion
+compensation.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from services.sensors.scanning.scanner import Scan, Scanner
 
 
 class LidarModel:
-    """One LiDAR of a scenario's vehicle (a `SkippingModel`).
+    """LiDAR of a vehicle (a `SkippingModel`).
 
     Attributes
     ----------
@@ -31,7 +32,7 @@ class LidarModel:
     Raises
     ------
     KernelsMissingError
-        when the compiled loops are not installed here; a `UserError`.
+        when the compiled loops are not installed; a `UserError`.
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Lidar) -> None:
@@ -40,21 +41,21 @@ class LidarModel:
         self._seconds: Reals = self.scanner.blocks.since_start(self.scanner.sweep.seconds)
 
     def restart(self) -> None:
-        """Forget earlier states; the next block is the first that begins after this."""
+        """Forget earlier states; the next block is the first that begins after this call."""
         self.scanner.restart()
 
     def settled_tick(self) -> int:
-        """Return the tick at which the block under way began; -1 before the first state."""
+        """Return the tick at which the current block began; -1 before the first state."""
         return self.scanner.settled_tick()
 
     def behind(self, waiting: int) -> None:
-        """Take note, before each state, of how many more have arrived."""
+        """Report, before each state, how many further states have arrived."""
         self.scanner.behind(waiting)
 
     def readings(self, state: State) -> list[Made]:
-        """Take the state of the next tick and return what it completes, oldest first.
+        """Take the state of the next tick and return the readings that it completes, oldest first.
 
-        Behind each cloud comes the truth, if the data sheet asks for it.
+        The ground truth follows each cloud if the data sheet enables it.
 
         Raises
         ------
@@ -70,9 +71,10 @@ class LidarModel:
         return found
 
     def _clouds(self, scan: Scan, stamp_nanos: int) -> Iterator[PointCloud | StreamMessage]:
-        """Yield the points firing after firing, lasers as they fire, two of a ray in turn.
+        """Yield a cloud and, if enabled, its ground truth in the same order.
 
-        A point is range times direction above the laser's origin. The truth has the same order.
+        Points are ordered by firing, then by the firing order of the lasers; two returns of a ray
+        are adjacent. A point is range times direction, from the laser's origin.
         """
         sweep, returns = self.scanner.sweep, scan.returns
         points = np.empty(np.count_nonzero(returns.returned), POINT)

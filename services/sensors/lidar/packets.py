@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The VLP-16's own packets, byte by byte: what it measured (port 2368) and its clock (port 8308).
+"""Packet formats of the VLP-16: data packets (port 2368) and position packets (port 8308).
 
-Rule: bytes from arrays; sockets, and which firings make a packet, are others' business. Source of
-every number: VLP-16 User Manual 63-9243 Rev D, sections 9.2 to 9.4.
+The functions convert arrays to bytes. They open no sockets and do not group firings into packets.
+Source of every number: VLP-16 User Manual 63-9243 Rev D, sections 9.2 to 9.4.
 
-A packet tells the azimuth of every other firing and the instant of its first. A decoder adds what
-is the same for all devices, 55.296 us from firing to firing and 2.304 us from laser to laser, and
-takes the rate of turning from the packet's own azimuths.
+A packet contains the azimuth of every other firing and the instant of its first firing. A decoder
+adds the constants of all devices, 55.296 us between firings and 2.304 us between lasers, and takes
+the rotation rate from the packet's own azimuths.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ POSITION_PORT = 8308
 
 LASERS = 16
 ELEVATIONS_DEG = (-15, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1, 15)
-"""By laser, in the order of firing."""
+"""Elevation by laser, in firing order."""
 
 LASER_MICROS = 2.304
 FIRING_MICROS = 55.296
@@ -35,7 +35,7 @@ _MAX_STEPS = 0xFFFF
 MAX_RANGE_M = _MAX_STEPS * RANGE_STEP_M
 
 BLOCKS = 12
-"""Of a data packet; with two returns one block for each."""
+"""Number of blocks of a data packet. In dual return mode each return has a block."""
 
 FIRINGS_PER_BLOCK = 2
 
@@ -49,7 +49,7 @@ _SECOND_NANOS = 1_000_000_000
 _PPS_LOCKED = 2
 
 ECHO = np.dtype([("distance", "<u2"), ("reflectivity", "u1")])
-"""Of one laser, in steps of 2 mm; distance 0 for none."""
+"""Return of one laser, in steps of 2 mm; distance 0 for none."""
 
 _BLOCK = np.dtype(
     [("flag", "<u2"), ("azimuth", "<u2"), ("echoes", ECHO, (FIRINGS_PER_BLOCK, LASERS))]
@@ -70,7 +70,9 @@ Echoes = NDArray[np.void]
 
 
 def echoes(range_m: Reals, intensity: Reals) -> Echoes:
-    """Return what lasers measured as a packet holds it; nothing where it cannot tell the distance.
+    """Convert lasers' measurements to the format of a packet.
+
+    Distances that a packet can't represent become 0, no return.
 
     Parameters
     ----------
@@ -86,23 +88,23 @@ def echoes(range_m: Reals, intensity: Reals) -> Echoes:
 def data_packets(
     measured: Echoes, azimuths_deg: NDArray[np.floating], stamps_nanos: Sequence[int], mode: int
 ) -> list[bytes]:
-    """Return whole packets, of 1206 bytes each.
+    """Return complete data packets of 1206 bytes each.
 
     Parameters
     ----------
     measured : `ECHO` array, shape (firings, returns, 16)
-        Lasers in the order of firing; one return, or two with `DUAL`: the last, then the strongest,
-        or the second strongest where the strongest is the last; the same where there is only one.
+        Lasers in firing order, with one return or, with `DUAL`, two: the last, then the strongest,
+        or the second strongest if the strongest is the last. With a single echo both are the same.
     azimuths_deg : shape (firings,)
-        Of each firing's first laser, clockwise from the front, 0..360.
-    stamps_nanos : packets long
-        UTC of each packet's first firing, since 1970.
+        Azimuth of each firing's first laser, clockwise from the front, 0..360.
+    stamps_nanos : sequence with one item per packet
+        UTC of each packet's first firing, in nanoseconds since 1970.
     mode : int
         Return mode.
     """
     packets = np.zeros(len(stamps_nanos), _DATA)
     returns = measured.shape[1]
-    # Packet, pair of firings, return: of two returns the first goes to even blocks.
+    # Axes: packet, pair of firings, return. The first of two returns goes to even blocks.
     pairs = len(packets), BLOCKS // returns
     blocks = packets["blocks"].reshape(*pairs, returns)
     hundredths = np.rint(azimuths_deg[::FIRINGS_PER_BLOCK] / AZIMUTH_STEP_DEG) % 36000
@@ -115,14 +117,15 @@ def data_packets(
 
 
 def position_packet(stamp_nanos: int) -> bytes:
-    """Return the clock of a device that a pulse per second holds to UTC, in 512 bytes.
+    """Return the 512-byte position packet of a device whose clock is locked to UTC by a PPS.
 
-    The sentence is that of the second's beginning, from a source of time alone: it has no position.
+    The NMEA sentence gives the time at which the second began. The time source has no position, so
+    the sentence has none either.
 
     Parameters
     ----------
     stamp_nanos : int
-        UTC at which the packet is put together, since 1970.
+        UTC of the packet's assembly, in nanoseconds since 1970.
     """
     second = stamp_nanos // _SECOND_NANOS * _SECOND_NANOS
     sentence = nmea.rmc(nmea.Epoch(second, 0, "N"))
@@ -133,5 +136,5 @@ def position_packet(stamp_nanos: int) -> bytes:
 
 
 def _micros_of_hour(stamp_nanos: int) -> int:
-    """Return the nearest microsecond past the full hour."""
+    """Return the number of microseconds since the full hour, rounded."""
     return (stamp_nanos + 500) // 1000 % _HOUR_MICROS

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clouds as the stream of packets in which a VLP-16 itself would have told them.
+"""Conversion of published clouds to the packet stream of a VLP-16.
 
-Rule: packets are made of what is published, so that both forms agree whatever was done to it. They
-are one stream, whatever messages the firings come in: packet i holds the firings from i times 24 on
-(12 with two returns), counted from the run's start, and goes out with the cloud that completes it.
-Where firings are missing there is no packet. A position packet follows every 14th data packet, the
-device's ratio.
+Packets are built from published clouds, so both formats agree even after a fault has changed a
+cloud. The packets form one stream, independent of the division into clouds. Packet i holds the
+firings from i times 24 on (12 with two returns), counted from the run's start, and is sent with the
+cloud that completes it. A packet with missing firings is not sent. A position packet follows every
+14th data packet, as on the device.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ from . import packets
 DATA_PER_POSITION = 14
 
 CYCLE_TOLERANCE = 1e-3
-"""Of the firing cycle; it makes 1.3 us within a packet."""
+"""Relative tolerance of the firing cycle. It amounts to 1.3 us within a packet."""
 
 RETURN_MODES = {"strongest": packets.STRONGEST, "last": packets.LAST, "dual": packets.DUAL}
-"""By `returns` of the scenario."""
+"""Return mode by the scenario's `returns`."""
 
 LASER_OF_RING = np.argsort(packets.ELEVATIONS_DEG)
 
 
 class Vlp16:
-    """The packets of one LiDAR (a `NativeDevice`).
+    """Packet output of a LiDAR (a `NativeDevice`).
 
     Raises
     ------
     UserError
-        when the packets cannot tell what this LiDAR measures.
+        when the packet format can't represent this LiDAR.
     """
 
     def __init__(self, spec: Lidar) -> None:
@@ -58,10 +58,10 @@ class Vlp16:
         self._azimuths_deg = np.arange(self._turn) * (360 / self._turn) + ahead_by_encoder_deg(spec)
         self._blocks = spec.blocks_per_revolution
         self._schedule = Schedule(Schedule.at(spec.rotation_rate_hz).rate_hz * self._turn)
-        """Of firings, which are counted from the run's start."""
+        """Schedule of firings, counted from the run's start."""
 
         self._end = -1
-        """The firing after those that wait."""
+        """Index after the last waiting firing."""
 
         self._waiting = np.zeros((0, self._returns, packets.LASERS), packets.ECHO)
 
@@ -92,10 +92,11 @@ class Vlp16:
         return datagrams
 
     def _first_firing(self, cloud: PointCloud, epoch_nanos: int) -> int:
-        """Return a cloud's first firing, whether it returned or not.
+        """Return the index of a cloud's first firing, whether or not it had a return.
 
-        Its instant tells, and so where the head was then; but where its points say otherwise, as
-        they are old ones of a device that is stuck, it is the nearest firing with the head there.
+        The index follows from the stamp, which also determines the azimuth. A stuck device repeats
+        old points, whose azimuth contradicts the stamp. In that case the index is that of the
+        nearest firing with the points' azimuth.
         """
         sim_nanos = measured_nanos(cloud) - epoch_nanos
         first = round(sim_nanos * self._schedule.rate_hz / NANOS)
@@ -106,7 +107,7 @@ class Vlp16:
         return first
 
     def _measured(self, cloud: PointCloud, first: int) -> packets.Echoes:
-        """Return what the firings of a cloud measured, shape (firings, returns, 16)."""
+        """Return the measurements of a cloud's firings, shape (firings, returns, 16)."""
         index = first % self._turn
         block = -(-index * self._blocks // self._turn)
         firings = (block + 1) * self._turn // self._blocks - index
@@ -118,7 +119,7 @@ class Vlp16:
         range_m = np.sqrt(points["x"] ** 2 + points["y"] ** 2 + height**2)
         found = packets.echoes(range_m, points["intensity"])
         ray = firing * packets.LASERS + laser
-        # A ray's second return follows the first, which stands for both where there is one.
+        # The second return of a ray follows the first. A single return fills both positions.
         is_second = np.diff(ray, prepend=-1) == 0
         measured = np.zeros((firings * packets.LASERS, self._returns), packets.ECHO)
         measured[ray[~is_second]] = found[~is_second, None]
@@ -127,12 +128,12 @@ class Vlp16:
 
 
 def vlp16_device(model: object, spec: Lidar) -> Vlp16:
-    """Return the device that sends a VLP-16's packets."""
+    """Return the device that sends VLP-16 packets."""
     return Vlp16(spec)
 
 
 def _misfit(spec: Lidar) -> str | None:
-    """Return how a LiDAR differs from what a decoder takes for granted; None if it does not."""
+    """Return why a LiDAR is incompatible with VLP-16 decoders; None if it is compatible."""
     cycle_us = 1e6 / (spec.rotation_rate_hz * spec.firings_per_revolution)
     encoder = spec.azimuth_resolution_deg, spec.firings_per_azimuth
     turn = spec.rotation, spec.start_deg % 360, spec.field_of_view_deg

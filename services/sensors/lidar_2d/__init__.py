@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A planar laser scanner: the kind `lidar_2d`. Other kinds never import it."""
+"""Sensor kind `lidar_2d`: a planar laser scanner. Other kinds never import this package."""
 
 from groundlink.messages.imagery import LaserScan
 from groundlink.scenario.lidars import Lidar2d

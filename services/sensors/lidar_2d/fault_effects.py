@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects of faults on a scan: wrong ranges, a covered sector."""
+"""Fault effects on a laser scan: range offset and covered sector."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from services.sensors.faults.sectors import within
 
 
 def offset_range(scan: LaserScan, offsets: Offsets) -> LaserScan:
-    """Add to all ranges."""
+    """Add an offset to all ranges."""
     range_m = np.frombuffer(scan.ranges_m, np.float32).astype(np.float64)
     range_m = within_limits(
         range_m + offsets(len(range_m), 1)[:, 0], scan.min_range_m, scan.max_range_m
@@ -22,7 +22,7 @@ def offset_range(scan: LaserScan, offsets: Offsets) -> LaserScan:
 
 
 def cover(scan: LaserScan, begin_rad: float, width_rad: float) -> LaserScan:
-    """Let nothing return from a sector."""
+    """Remove all returns from a sector."""
     range_m = np.frombuffer(scan.ranges_m, np.float32)
     azimuth = scan.angle_min_rad + scan.angle_increment_rad * np.arange(len(range_m))
     covered = within(azimuth, begin_rad, width_rad)

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A planar scanner: states of the world in, one scan for each turn or block of it out.
+"""Planar scanner model: turn states of the world into one scan per revolution or block.
 
-Rule: what is measured, and when, is the scanner's business; here returns become ranges. Rays are in
-the order of time, as the device measures them, so that the stamp is the first ray's and the time
-increment is true; where the head turns clockwise, the angle increment is negative.
+The scanner decides what is measured and when; this module converts returns into ranges. Rays are in
+order of time, as the device measures them. The stamp is therefore that of the first ray, and the
+time increment is exact. For a head that turns clockwise, the angle increment is negative.
 
-A range is in the sensor's frame at its ray's instant: motion is not undone. Values follow REP 117:
--inf for what is nearer than the least range, +inf where nothing comes back. A scanner does not tell
-a lost echo from none, so there is no NaN.
+A range is in the sensor's frame at the instant of its ray, without motion compensation. Values
+follow REP 117: -inf below the minimum range, +inf without a return. A scanner cannot distinguish a
+lost echo from no echo, so there is no NaN.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from services.sensors.scanning.sweep import SIGNS
 
 
 class Lidar2dModel:
-    """One planar scanner of a scenario's vehicle (a `SkippingModel`).
+    """Planar scanner of a vehicle (a `SkippingModel`).
 
     Raises
     ------
     KernelsMissingError
-        when the compiled loops are not installed here; a `UserError`.
+        when the compiled loops are not installed; a `UserError`.
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Lidar2d) -> None:
@@ -41,19 +41,19 @@ class Lidar2dModel:
         self._step_rad = SIGNS[spec.rotation] * 2 * math.pi / spec.firings_per_revolution
 
     def restart(self) -> None:
-        """Forget earlier states; the next scan is the first that begins after this."""
+        """Forget earlier states; the next scan is the first that begins after this call."""
         self._scanner.restart()
 
     def settled_tick(self) -> int:
-        """Return the tick at which the scan under way began; -1 before the first state."""
+        """Return the tick at which the current scan began; -1 before the first state."""
         return self._scanner.settled_tick()
 
     def behind(self, waiting: int) -> None:
-        """Take note, before each state, of how many more have arrived."""
+        """Report, before each state, how many further states have arrived."""
         self._scanner.behind(waiting)
 
     def readings(self, state: State) -> list[LaserScan | LeftOut]:
-        """Take the state of the next tick and return what it completes, oldest first.
+        """Take the state of the next tick and return the readings that it completes, oldest first.
 
         Raises
         ------
@@ -67,7 +67,7 @@ class Lidar2dModel:
 
     def _message(self, scan: Scan, epoch_nanos: int) -> LaserScan:
         spec, returns = self._spec, scan.returns
-        only = 0, 0  # return and laser
+        only = 0, 0  # indices of return and laser
         range_m, returned = returns.range_m[only], returns.returned[only]
         near = range_m < spec.min_range_m
         nothing = np.where(near, np.float32(-np.inf), np.float32(np.inf))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A range finder: the kind `range`. Other kinds never import it."""
+"""Sensor kind `range`: a range finder. Other kinds never import this package."""
 
 from groundlink.messages.imagery import Range
 from groundlink.scenario.sensor_kinds import SensorKind

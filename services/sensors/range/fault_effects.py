@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effect of faults on a distance."""
+"""Fault effects on a measured distance."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from services.sensors.faults.offsets import Offsets, within_limits
 
 
 def offset_range(reading: Range, offsets: Offsets) -> Range:
-    """Add to the distance."""
+    """Add an offset to the distance."""
     range_m = np.array([reading.range_m]) + offsets(1, 1)[0]
     [told] = within_limits(range_m, reading.min_range_m, reading.max_range_m).tolist()
     return replace(reading, range_m=told)

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A range finder: one distance out of a cone, by ultrasound or infrared light.
+"""Range finder model: one distance from a cone, by ultrasound or infrared light.
 
-Rule: measurement i is taken at event i of the rate's schedule, all of the cone at once. What is
-met, how it is slanted and how bright it is come from rays that fill the cone evenly. Of those that
-come back, sound gives the nearest, since the first echo counts; light through a lens gives the mean
-over its spot. A smooth wall throws sound away like a mirror: what is met at more than
-`max_incidence_deg` from its normal sends nothing back, so a slanted wall is heard only by the part
-of the cone that meets it squarely, if any does, and missed otherwise. Echoes of echoes, speed of
-sound and sunlight are not modelled; nor is what real devices read below their least range.
+Measurement i is taken at event i of the rate's schedule, for the whole cone at once. Rays that fill
+the cone evenly determine the surfaces in it, their incidence angles and their reflectivity. Among
+the returning rays, ultrasound reports the nearest distance, because the first echo counts; infrared
+light through a lens reports the mean over its spot. A smooth wall reflects sound like a mirror. A
+surface whose incidence angle exceeds `max_incidence_deg` returns nothing, so only the part of the
+cone that meets a slanted wall squarely, if any, detects it. Multiple echoes, the speed of sound and
+sunlight are not modeled, nor are the values that real devices report below their minimum range.
 
-Values follow REP 117: -inf nearer than the least range, +inf for nothing met or farther than the
-largest, NaN for a measurement that the device itself calls failed.
+Values follow REP 117: -inf below the minimum range, +inf for no return or above the maximum range,
+NaN for a measurement that the device reports as failed.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from services.sensors.runtime.next_event import NextEvent
 from .spec import RangeFinder
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
-"""Between neighbours of a sunflower's head; it never repeats a direction (Vogel 1979)."""
+"""Angle between successive seeds of a sunflower head; it never repeats a direction (Vogel 1979)."""
 
 
 def cone(field_of_view_rad: float, rays: int) -> Floats:
     """Return unit vectors that fill a cone about x evenly in solid angle, shape (3, rays).
 
-    The first is the axis, the last is on the rim.
+    The first vector is the axis, the last is on the rim.
     """
     numbers = np.arange(rays)
     share = numbers / max(1, rays - 1)
@@ -49,12 +49,12 @@ def cone(field_of_view_rad: float, rays: int) -> Floats:
 
 
 class RangeModel:
-    """One range finder of one vehicle (a `SensorModel`).
+    """Range finder of a vehicle (a `SensorModel`).
 
     Raises
     ------
     KernelsMissingError
-        when the compiled loops are not installed here; a `UserError`.
+        when the compiled loops are not installed; a `UserError`.
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: RangeFinder) -> None:
@@ -71,7 +71,7 @@ class RangeModel:
         self.restart()
 
     def restart(self) -> None:
-        """Forget earlier states: time jumped or states were lost."""
+        """Forget earlier states. Called after a jump in time or a loss of states."""
         self._probe.restart()
         self._due.restart()
 
@@ -80,7 +80,7 @@ class RangeModel:
         return self._due.tick
 
     def readings(self, state: State) -> list[Range]:
-        """Return the distance that is due by the next tick's state, if there is one.
+        """Return the distance that the next tick's state completes, if any.
 
         Raises
         ------
@@ -111,16 +111,17 @@ class RangeModel:
         ]
 
     def _met(self, nanos: int) -> float:
-        """Return the distance without errors; infinite where nothing comes back."""
+        """Return the distance without errors; infinite without a return."""
         spec = self._spec
         place = self._probe.place(nanos)
         directions = place.world_from_sensor @ self._cone
         hits = self._probe.cast(nanos, place.origin_in_world, directions, spec.max_range_m)
-        # Bodies have no inside: a surface is met from either side.
+        # Bodies have no interior: either side of a surface returns the ray.
         cosine = np.abs(np.sum(hits.normal_in_world * directions, axis=0))
         back = (hits.label >= 0) & (cosine >= self._least_cosine)
         if spec.full_range_reflectivity:
-            # A diffuse surface's light comes back by rho cos / r^2, and is seen down to a limit.
+            # The returned light of a diffuse surface is rho cos / r^2; the device has a detection
+            # limit.
             brightness = self._probe.replica.reflectivity[hits.label] * cosine
             reach = np.minimum(1.0, np.sqrt(brightness / spec.full_range_reflectivity))
             back &= hits.range_m <= spec.max_range_m * reach
@@ -130,7 +131,7 @@ class RangeModel:
         return float(ranges.min() if spec.echo == "nearest" else ranges.mean())
 
     def _reported(self, range_m: float, tick: int) -> float:
-        """Return what the device says of a distance: noise, bias, rounding, limits, failure."""
+        """Return the reported distance after noise, bias, rounding, limits and failures."""
         spec = self._spec
         white = float(PolarNormal(self._streams.at("range", tick)).draw(1)[0])
         failed = self._streams.at("dropout", tick).random() < spec.dropout

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stereo camera: the kind `stereo_camera`. Other kinds never import it."""
+"""Sensor kind `stereo_camera`. Other kinds never import this package."""
 
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
 from groundlink.scenario.depth_cameras import StereoCamera

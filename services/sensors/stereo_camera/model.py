@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stereo pair: states of the world in, two pictures of the same instant out.
+"""Stereo camera model: turn states of the world into two pictures of the same instant.
 
-Rule: both eyes have the same K and the same lens, and look the same way, so R is one; the right
-one's P has Tx = -fx baseline. With an ideal lens pictures are rectified as they leave. Each eye has
-its own noise. All messages have the left eye's frame, as ROS has it for pairs, and one stamp.
+Both eyes have the same K, the same lens and the same direction, so R is the identity. P of the
+right eye has Tx = -fx baseline. With an ideal lens the published pictures are already rectified.
+Each eye has its own noise. All messages have the left eye's frame, as is usual for stereo pairs in
+ROS, and the same stamp.
 """
 
 from __future__ import annotations
@@ -18,16 +19,16 @@ from services.sensors.runtime.picture_times import PictureModel
 
 LEFT = ("", "compressed", "camera_info")
 RIGHT = ("right", "right_compressed", "right_camera_info")
-"""Names of an eye's streams: pixels, JPEG, CameraInfo."""
+"""Names of each eye's streams: pixels, JPEG, CameraInfo."""
 
 
 class StereoCameraModel(PictureModel):
-    """One stereo pair of one vehicle.
+    """Stereo camera of a vehicle.
 
     Raises
     ------
     RenderingUnavailableError
-        when OpenGL is missing here or does not draw (a `UserError`).
+        when OpenGL is missing or can't draw on this machine (a `UserError`).
     UserError
         when the lens cannot be drawn.
     """
@@ -44,7 +45,7 @@ class StereoCameraModel(PictureModel):
         self._outputs = spec.ros_topics().keys()
 
     def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[BusMessage | StreamMessage]:
-        """Return the messages of both pictures that begin at an instant."""
+        """Return the messages of both pictures whose exposure begins at an instant."""
         spec, header = self._spec, (stamp_nanos, self._frame)
         made: list[BusMessage | StreamMessage] = []
         for eye, ((raw, compressed, info), baseline_m) in enumerate(

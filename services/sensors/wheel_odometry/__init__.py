@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wheel odometry: the kind `wheel_odometry`. Other kinds never import it."""
+"""Sensor kind `wheel_odometry`. Other kinds never import this package."""
 
 from groundlink.messages.navigation import Odometry
 from groundlink.scenario.sensor_kinds import SensorKind

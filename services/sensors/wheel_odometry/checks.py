@@ -12,7 +12,7 @@ from groundlink.scenario.sensors import Encoders, WheelOdometry
 
 
 def problems(spec: WheelOdometry, vehicle: Vehicle, scenario: Scenario) -> Iterator[Problem]:
-    """Yield a problem where the vehicle lacks the encoders that the odometry reads."""
+    """Yield a problem if the vehicle lacks the encoders that the odometry reads."""
     encoders = [sensor.name for sensor in vehicle.sensors if isinstance(sensor, Encoders)]
     if spec.encoders not in encoders:
         hint = did_you_mean(spec.encoders, encoders) if encoders else "add one"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effect of faults on an odometry."""
+"""Fault effects on wheel odometry."""
 
 from __future__ import annotations
 

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Odometry as the motor controller computes it: from the counters of its wheels, never the truth.
+"""Wheel odometry model: pose and twist from wheel counters, as a motor controller computes them.
 
-Rule: what leaves `WheelCounters` is all that is used, and it is what the `encoders` sensor of that
-name counts, with its missed ticks and resets. Where the pose began, at the first reading, is the
-origin of its frame (REP 105's odom, in which base_link is reported). The vehicle is believed to
-move in a plane, so z, roll and pitch are zero with a variance that says unknown, and so is what
-moves sideways. A step that no wheel can have made, as when counters are reset, counts as no motion.
+The model uses only the output of `WheelCounters`, never ground truth. The counts equal those of the
+referenced `encoders` sensor, including missed ticks and resets. The pose at the first reading is
+the origin of the odometry frame (odom in REP 105, in which base_link is reported). The model
+assumes motion in a plane, so z, roll and pitch are zero with a variance that means unknown; the
+same holds for sideways velocity. A step that exceeds the speed of the wheels, as after a counter
+reset, counts as no motion.
 """
 
 from __future__ import annotations
@@ -34,10 +35,10 @@ from services.sensors.runtime.wheel_counters import WheelCounters, wrapped
 from .reckoning import Floats, Reckoned, Reckoning
 
 UNKNOWN = 1e6
-"""Variance of what wheels do not tell, m^2 or rad^2 (and by second squared)."""
+"""Variance of unobserved components, m^2 or rad^2 (per second squared for velocities)."""
 
 POSSIBLE = 2.0
-"""Times what the wheels can turn at most; a larger step is none."""
+"""Multiple of the wheels' maximum speed. A larger step counts as no motion."""
 
 
 SKID = {
@@ -46,25 +47,25 @@ SKID = {
     Differential: (5e-4, 0.0),
     Ackermann: (5e-4, 0.0),
 }
-"""Default `turn_stddev_share` and `skid_stddev_s` by drive: how the shipped vehicles skid on
+"""Default `turn_stddev_share` and `skid_stddev_s` by drive: the skid of the shipped vehicles on
 level ground at up to 1 m/s and 0.5 rad/s."""
 
 
 class _Memory(msgspec.Struct, array_like=True):
-    """What the states do not tell."""
+    """Part of the odometry that the states do not determine."""
 
     counters: bytes
     nanos: int = -1
     """Sim time of the last reading; -1 for none."""
 
     ticks: tuple[int, ...] = ()
-    """The counters at that time."""
+    """Counters at the last reading."""
 
     pose: Reckoned = msgspec.field(default_factory=Reckoned)
 
 
 class WheelOdometryModel:
-    """The odometry of one vehicle (a `RememberingModel`)."""
+    """Wheel odometry of a vehicle (a `RememberingModel`)."""
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: WheelOdometry) -> None:
         encoders = next((s for s in vehicle.sensors if s.name == spec.encoders), None)
@@ -83,7 +84,7 @@ class WheelOdometryModel:
         self._counters = WheelCounters(scenario, vehicle, encoders)
         per_radian = encoders.ticks_per_wheel_revolution / (2 * math.pi)
         self._most_per_second = POSSIBLE * drive.max_wheel_speed_radps * per_radian
-        # Rows left and right: a side's travel is the mean of its wheels'.
+        # Rows are left and right. The travel of a side is the mean travel of its wheels.
         travels = np.zeros((2, len(shafts)))
         white = np.full(2, spec.travel_stddev**2)
         for i, (shaft, left) in enumerate(zip(shafts, lefts, strict=True)):
@@ -93,8 +94,9 @@ class WheelOdometryModel:
             travels[side, i] = sign * radius / per_radian / count
             white[side] += encoders.slip_stddev**2 * radius / count**2
         self._travels = travels
-        # A difference of two counts is wrong by the rounding of both, 1/12 of a tick squared each.
-        # That does not add up: a pose is wrong by the roundings of the first and the last count.
+        # The difference of two counts contains the rounding of both, 1/12 of a squared tick each.
+        # These errors do not accumulate: a pose contains the rounding of the first and the last
+        # count only.
         self._rounding = np.diag((travels**2).sum(axis=1) / 6)
         scales = [encoders.scale_stddev / math.sqrt(lefts.count(left)) for left in (True, False)]
         turn_share, skid_s = SKID[type(drive)]
@@ -103,7 +105,7 @@ class WheelOdometryModel:
         if spec.skid_stddev_s is not None:
             skid_s = spec.skid_stddev_s
         track = np.mean(outward, where=lefts) - np.mean(outward, where=np.logical_not(lefts))
-        # A car's rear wheels do not skid round.
+        # The rear wheels of a car do not skid in turns.
         multiplier = drive.track_multiplier if isinstance(drive, SideSteered) else 1.0
         self._reckoning = Reckoning(
             track_m=float(track) * (spec.track_multiplier or multiplier),
@@ -114,17 +116,17 @@ class WheelOdometryModel:
         self.restart()
 
     def restart(self) -> None:
-        """Forget earlier states: time jumped or states were lost."""
+        """Forget earlier states. Called after a jump in time or a loss of states."""
         self._due.restart()
         self._counters.restart()
 
     def memory(self) -> bytes:
-        """Return what a successor has to know that sees the state of `settled_tick` first."""
+        """Return the memory for a successor whose first state is that of `settled_tick`."""
         memory = _Memory(self._counters.memory(), self._nanos, self._ticks, self._reckoning.pose)
         return msgspec.msgpack.encode(memory)
 
     def remember(self, memory: bytes) -> None:
-        """Go on from a predecessor's memory; from an empty one, begin anew."""
+        """Restore a predecessor's memory; empty memory resets to the initial condition."""
         past = msgspec.msgpack.decode(memory, type=_Memory) if memory else _Memory(b"")
         self._counters.remember(past.counters)
         self._nanos, self._ticks = past.nanos, past.ticks
@@ -135,7 +137,7 @@ class WheelOdometryModel:
         return self._due.tick
 
     def readings(self, state: messages.State) -> list[Odometry]:
-        """Return the reading that is due by the next tick's state, if there is one.
+        """Return the reading that the next tick's state completes, if any.
 
         Raises
         ------
@@ -150,7 +152,7 @@ class WheelOdometryModel:
         return [self._odometry(state.epoch_nanos, event.nanos, ticks)]
 
     def _odometry(self, epoch_nanos: int, nanos: int, ticks: tuple[int, ...]) -> Odometry:
-        """Go on to a reading of the counters."""
+        """Advance to a reading of the counters and return the odometry."""
         speed, turn_rate, spread, rounding = 0.0, 0.0, np.zeros((2, 2)), np.zeros((2, 2))
         if 0 <= self._nanos < nanos:
             seconds = (nanos - self._nanos) / NANOS
@@ -169,7 +171,7 @@ class WheelOdometryModel:
         along, across = pivot * cosine, pivot * sine
         rolled = np.array([[cosine, 0.0], [sine, 0.0], [0.0, 1.0]])
         covariance = self._reckoning.covariance() + rolled @ rounding @ rolled.T
-        # The pivot goes where the wheels roll; the base is carried round it.
+        # The wheels move the pivot; the base rotates about it.
         carried = np.array([[1.0, 0.0, across], [0.0, 1.0, -along], [0.0, 0.0, 1.0]])
         return Odometry(
             stamp_nanos=epoch_nanos + nanos,
@@ -185,7 +187,7 @@ class WheelOdometryModel:
 
 
 def _in_space(covariance: Floats, rows: tuple[int, ...]) -> memoryview:
-    """Return a covariance as 6 x 6, with what it does not cover as unknown."""
+    """Return a planar covariance as 6 x 6; components outside of the plane are unknown."""
     whole = UNKNOWN * np.eye(6)
     whole[np.ix_(rows, rows)] = covariance
     return messages.packed(whole)

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dead reckoning of a vehicle that is steered by the difference of its sides.
+"""Dead reckoning of a differentially steered vehicle, with covariance.
 
-Rule: travels of the two sides in, a pose with its covariance out; nothing here knows wheels, ticks
-or truth. A step is an arc, of which the middle gives the direction. The covariance is propagated to
-the first order and has two parts. White errors of the two travels are independent and grow with the
-root of the distance (K. S. Chong and L. Kleeman, "Accurate Odometry and Error Modelling for a
-Mobile Robot", ICRA 1997). Unknown constants of a run are the scale of each side, that of the
-effective track, and the velocities along and sideways with which the vehicle skids for each m/s^2
-of lateral acceleration. The pose's derivatives by these constants are summed along the path.
+The input is the travel of the two sides, the output a pose with its covariance. This module is
+independent of wheels, ticks and ground truth. A step is an arc, whose midpoint gives the direction.
+The covariance is propagated to first order and has two parts. White errors of the two travels are
+independent and grow with the root of the distance (K. S. Chong and L. Kleeman, "Accurate Odometry
+and Error Modelling for a Mobile Robot", ICRA 1997). The unknown constants of a run are the scale of
+each side, the scale of the effective track, and the velocities along and sideways with which the
+vehicle skids per m/s^2 of lateral acceleration. The derivatives of the pose by these constants are
+summed along the path.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ Floats = NDArray[np.float64]
 
 
 class Reckoned(msgspec.Struct, array_like=True):
-    """A pose in the frame in which counting began, and how sure it is."""
+    """Pose in the frame of the first step, with its uncertainty."""
 
     x_m: float = 0.0
     y_m: float = 0.0
     yaw_rad: float = 0.0
     white: list[list[float]] = msgspec.field(default_factory=lambda: np.zeros((3, 3)).tolist())
-    """Covariance of x, y (m) and yaw (rad) by white errors, 3 x 3."""
+    """Covariance of x, y (m) and yaw (rad) from white errors, 3 x 3."""
 
     by_constants: list[list[float]] = msgspec.field(
         default_factory=lambda: np.zeros((3, 5)).tolist()
@@ -39,16 +40,17 @@ class Reckoned(msgspec.Struct, array_like=True):
 
 
 class Reckoning:
-    """Adds up steps.
+    """Integrator of steps.
 
     Parameters
     ----------
     track_m
-        Effective: by how much more one side travels than the other in a turn of a radian.
+        Effective track: difference between the travels of the two sides per radian of turn.
     travel_stddevs
-        Of the left and the right travel after a meter, m.
+        Standard deviations of the left and the right travel after a meter, m.
     constant_stddevs
-        Of the scales of left, right and track (relative) and of the skid along and sideways (s).
+        Standard deviations of the scales of left, right and track (relative) and of the skid along
+        and sideways (s).
     """
 
     def __init__(
@@ -59,7 +61,7 @@ class Reckoning:
         constant_stddevs: Sequence[float],
     ) -> None:
         self.from_sides = np.array([[0.5, 0.5], [-1 / track_m, 1 / track_m]])
-        """From the travels of left and right to way and turn, 2 x 2."""
+        """Matrix from the travels of left and right to distance and turn, 2 x 2."""
 
         self._track_m = track_m
         self._travel_variances = np.square(travel_stddevs)
@@ -73,12 +75,11 @@ class Reckoning:
         return covariance + self.pose.white
 
     def step(self, left_m: float, right_m: float, seconds: float) -> tuple[float, float, Floats]:
-        """Go on by the travels of both sides in a time.
+        """Advance the pose by the travels of both sides in a time.
 
         Returns
         -------
-        The distance of the middle (m), the angle turned (rad) and the covariance of these two,
-        2 x 2.
+        The distance of the midpoint (m), the turn (rad) and the covariance of these two, 2 x 2.
         """
         way, turn = (left_m + right_m) / 2, (right_m - left_m) / self._track_m
         white = self._travel_variances * [abs(left_m), abs(right_m)]
