@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Builds groundlink_msgs for a ROS 1 without catkin: ``python3 ros/ros1/build_messages.py FOLDER``.
+"""Build groundlink_msgs for a ROS 1 without catkin: ``python3 ros/ros1/build_messages.py FOLDER``.
 
-Rule: the same .msg file as for ROS 2; genpy writes the class. FOLDER is to be on the Python path;
-`/usr/local/lib/python3.11/dist-packages` is, in Debian 12.
+The .msg files are the same as for ROS 2; genpy generates the classes. FOLDER must be on the Python
+path, such as `/usr/local/lib/python3.11/dist-packages` in Debian 12.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from pathlib import Path
 PACKAGE = "groundlink_msgs"
 MESSAGES = Path(__file__).resolve().parents[1] / PACKAGE / "msg"
 STD_MSGS = "/usr/share/std_msgs/msg"
-"""Where Debian's ros-std-msgs, and nothing else here, has the definition of a Header."""
+"""Folder with the definition of std_msgs/Header, from Debian's package ros-std-msgs."""
 
 
 def main(arguments: list[str]) -> int:
-    """Build; return the exit code."""
+    """Build the package; return the exit code."""
     try:
         from genpy.generate_initpy import write_modules
         from genpy.generator import MsgGenerator

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Builds the interface packages that no wheel brings, for the ROS 2 that pip installed.
+"""Build interface packages without a wheel, for the ROS 2 that pip installed.
 
-    python ros/ros2/build_messages.py            the two that the node needs
-    python ros/ros2/build_messages.py FOLDER     another one, such as simulation_interfaces
+    python ros/ros2/build_messages.py            tf2_msgs and groundlink_msgs, for the node
+    python ros/ros2/build_messages.py FOLDER     another package, such as simulation_interfaces
 
-Rule: what is installed always stands for the interface files it was built from; their hash is
-written last, so that a build that broke off is done again. It uses the generators of the ROS
-wheels, CMake and a compiler, no network, and installs where the wheels of message packages put
-their files: modules into site-packages, libraries into ``lib`` and the ament index into ``share``
-of the same prefix.
+The installed files always match the interface files that they were built from: the hash of the
+sources is written last, so an interrupted build is repeated. The script uses the generators of the
+ROS wheels, CMake and a compiler, but no network. It installs to the locations of the message
+packages' wheels: modules into site-packages, libraries into ``lib`` and the ament index into
+``share`` of the same prefix.
 
-It deliberately builds only what rclpy needs with Fast DDS: no C++, no other type support.
-A ROS 2 workspace builds ``groundlink_msgs`` with colcon instead and has a tf2_msgs of its own.
+It builds only what rclpy needs with Fast DDS: no C++ and no other type support. A ROS 2 workspace
+builds ``groundlink_msgs`` with colcon instead and has its own tf2_msgs.
 """
 
 from __future__ import annotations
@@ -54,28 +54,28 @@ GENERATORS = (
 
 
 class BuildFailed(Exception):
-    """The packages can't be built here; the text says what is missing."""
+    """The packages can't be built; the text names the missing requirements."""
 
 
 KINDS = ("msg", "srv", "action")
-"""Folders of an interface package, and how the files in each end."""
+"""Folder names in an interface package, which are also the file extensions."""
 
 IMPLIED = {
     "srv": ("service_msgs",),
     "action": ("action_msgs", "service_msgs", "unique_identifier_msgs"),
 }
-"""What the generators put into every service and action."""
+"""Packages whose messages the generators put into every service and action."""
 
 
 @dataclass(frozen=True)
 class InterfacePackage:
-    """A folder with a package.xml and msg/*.msg, srv/*.srv, action/*.action."""
+    """Interface package: a folder with package.xml and msg/*.msg, srv/*.srv, action/*.action."""
 
     folder: Path
 
     @cached_property
     def description(self) -> ElementTree.Element:
-        """The content of package.xml."""
+        """Content of package.xml."""
         path = self.folder / "package.xml"
         try:
             return ElementTree.parse(path).getroot()
@@ -85,24 +85,24 @@ class InterfacePackage:
 
     @property
     def name(self) -> str:
-        """What ROS calls it."""
+        """ROS name of the package."""
         return str(self.description.findtext("name", "")).strip()
 
     @cached_property
     def interfaces(self) -> list[Path]:
-        """The files of all kinds, relative to the folder."""
+        """Interface files of all kinds, relative to the folder."""
         files = [path for kind in KINDS for path in sorted((self.folder / kind).glob(f"*.{kind}"))]
         return [path.relative_to(self.folder) for path in files]
 
     @property
     def depends(self) -> list[str]:
-        """Packages that it is built with (REP 149: `depend` is `build_depend` and more)."""
+        """Build dependencies (REP 149: `depend` includes `build_depend`)."""
         found = [*self.description.iter("depend"), *self.description.iter("build_depend")]
         return [str(entry.text).strip() for entry in found]
 
     @cached_property
     def dependencies(self) -> tuple[str, ...]:
-        """Packages whose messages are used, through all levels."""
+        """Packages whose messages are used, directly or indirectly."""
         found: set[str] = set()
         waiting = [*self.depends]
         for interface in self.interfaces:
@@ -111,22 +111,22 @@ class InterfacePackage:
             name = waiting.pop()
             if name not in found:
                 found.add(name)
-                if (SHARE / name / "package.xml").is_file():  # else it is told as missing
+                if (SHARE / name / "package.xml").is_file():  # else reported as missing
                     waiting += InterfacePackage(SHARE / name).depends
         return tuple(sorted(found))
 
     @property
     def share(self) -> Path:
-        """The package's folder in the prefix."""
+        """Folder of the installed package."""
         return SHARE / self.name
 
     @property
     def extension(self) -> str:
-        """The file name of the module through which rclpy reaches the type support."""
+        """File name of the module that gives rclpy the type support."""
         return f"{self.name}_s__rosidl_typesupport_c.so"
 
     def content_hash(self) -> str:
-        """Return the hash of all that decides what the build makes."""
+        """Return the hash of all inputs of the build."""
         digest = hashlib.sha256()
         files = (self.folder / path for path in (Path("package.xml"), *self.interfaces))
         for source in (Path(__file__), *files):
@@ -138,7 +138,7 @@ class InterfacePackage:
         return digest.hexdigest()
 
     def is_installed(self) -> bool:
-        """Tell whether what is installed was built from these very sources."""
+        """Return whether the installed package was built from these sources."""
         record = self.share / BUILT_FROM
         return (
             record.is_file()
@@ -151,7 +151,7 @@ PACKAGES = tuple(ROS_FOLDER / name for name in ("tf2_msgs", "groundlink_msgs"))
 
 
 def check_wheels(packages: Sequence[InterfacePackage]) -> None:
-    """Raise BuildFailed, naming all that is missing, unless the ROS wheels are there."""
+    """Raise BuildFailed with all missing wheels, unless all ROS wheels are installed."""
     wheels = [*GENERATORS, *sorted({name for row in packages for name in row.dependencies})]
     missing = ["ros-" + name.replace("_", "-") for name in wheels if not _is_found(name)]
     if not _is_found("numpy"):
@@ -165,7 +165,7 @@ def _is_found(module: str) -> bool:
 
 
 def check_tools() -> None:
-    """Raise BuildFailed, naming all that is missing, unless C and C++ can be compiled here."""
+    """Raise BuildFailed with all missing tools, unless C and C++ can be compiled."""
     missing = [
         f"{what} ({os.environ.get(variable, default)})"
         for variable, default, what in (
@@ -238,7 +238,7 @@ def generate(package: InterfacePackage, build: Path) -> None:
     generators["rosidl_typesupport_fastrtps_c"].generate_typesupport_fastrtps_c(
         arguments("rosidl_typesupport_fastrtps_c", include)
     )
-    # With one type support only, the C dispatcher calls it directly.
+    # With only one type support, the C dispatcher calls it directly.
     generators["rosidl_typesupport_c"].generate_c(
         arguments("rosidl_typesupport_c", typesupport), ["rosidl_typesupport_fastrtps_c"]
     )
@@ -249,7 +249,7 @@ def generate(package: InterfacePackage, build: Path) -> None:
 
 
 def compile_sources(package: InterfacePackage, build: Path) -> Path:
-    """Compile what `generate` wrote; return the folder of the libraries."""
+    """Compile the sources from `generate`; return the folder of the libraries."""
     numpy = importlib.import_module("numpy")
     libraries = build / "libraries"
     cmake = os.environ.get("CMAKE", "cmake")
@@ -277,7 +277,7 @@ def compile_sources(package: InterfacePackage, build: Path) -> Path:
 
 
 def install(package: InterfacePackage, build: Path, libraries: Path) -> None:
-    """Copy the built package into the prefix; the hash of its sources goes last."""
+    """Copy the built package into the prefix; the hash of its sources is written last."""
     (package.share / BUILT_FROM).unlink(missing_ok=True)
     for library in libraries.glob("lib*.so"):
         _copy(library, PREFIX / "lib" / library.name)
@@ -303,7 +303,7 @@ def install(package: InterfacePackage, build: Path, libraries: Path) -> None:
 
 
 def _copy(source: Path, target: Path) -> None:
-    # By rename, as a process may have the old library loaded.
+    # Rename instead of overwriting, because a process may have loaded the old library.
     target.parent.mkdir(parents=True, exist_ok=True)
     fresh = target.with_name(f".{target.name}.{os.getpid()}")
     shutil.copy(source, fresh)
@@ -311,7 +311,7 @@ def _copy(source: Path, target: Path) -> None:
 
 
 def main(folders: Sequence[str]) -> int:
-    """Build and install what is not installed yet."""
+    """Build and install the packages that are not up to date."""
     packages = [InterfacePackage(Path(folder).resolve()) for folder in folders or PACKAGES]
     try:
         check_wheels(packages)

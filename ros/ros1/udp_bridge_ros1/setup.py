@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Installs the node with catkin; `catkin_pkg` reads the rest from package.xml."""
+"""Installation of the node with catkin. `catkin_pkg` reads the metadata from package.xml."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Installs the node with colcon (ament_python) and with pip alike."""
+"""Installation of the node with colcon (ament_python) or pip."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ setup(
         (f"share/{NAME}/launch", ["launch/bridge.launch.xml"]),
         (f"share/{NAME}/rviz", ["rviz/groundlink.rviz"]),
     ],
-    # rclpy and the message packages come with ROS, or with the wheels that stand in for it.
+    # rclpy and the message packages come with ROS, or from the wheels that replace it.
     install_requires=["udp-bridge"],
     zip_safe=True,
     entry_points={"console_scripts": [f"{NAME} = {NAME}.__main__:main"]},

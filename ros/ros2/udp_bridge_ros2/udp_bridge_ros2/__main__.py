@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts the node: ``python -m udp_bridge_ros2 [--bind HOST:PORT] [--ros-args ...]``.
+"""Start the node: ``python -m udp_bridge_ros2 [--bind HOST:PORT] [--ros-args ...]``.
 
-An invalid option or setting is one error line and exit code 2. SIGINT and SIGTERM end the node
+An invalid option or setting causes one error line and exit code 2. SIGINT and SIGTERM end the node
 within a second. rclpy is imported late, because DDS reads the environment when rclpy starts.
 """
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishes the node's counters on /diagnostics once a second, as DiagnosticArray.
+"""Publisher of the node's counters on /diagnostics, once a second, as DiagnosticArray.
 
-One status for each topic and peer, and one for the link; `udp_bridge.node.diagnostics` sets levels.
+The array has one status for each topic and peer, and one for the link.
+`udp_bridge.node.diagnostics` sets the levels.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ PERIOD_NANOS = 1_000_000_000
 
 
 class Ros2Diagnostics:
-    """Publishes the counters of a link; call `turn` several times a second."""
+    """Publisher of a link's counters; call `turn` several times a second."""
 
     def __init__(self, node: Node, link: Link) -> None:
         self._node = node
@@ -31,7 +32,7 @@ class Ros2Diagnostics:
         self._publisher: Any = None
 
     def turn(self, now_nanos: int) -> None:
-        """Publish when a second has passed, for the first time a second after the first call."""
+        """Publish once a second, for the first time one second after the first call."""
         if self._due_nanos is None:
             self._due_nanos = now_nanos + PERIOD_NANOS
         if now_nanos < self._due_nanos:
@@ -43,7 +44,7 @@ class Ros2Diagnostics:
             self._node.get_logger().warning("diagnostic_msgs is not installed: no /diagnostics")
             self._due_nanos = sys.maxsize
             return
-        if self._publisher is None:  # not at the start, which data may be waiting for
+        if self._publisher is None:  # created late, so that it does not delay the first data
             self._publisher = self._node.create_publisher(DiagnosticArray, TOPIC, 1)
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What DDS reads from the environment, with defaults for big messages on one host.
+"""DDS environment variables, with defaults for large messages on one host.
 
-Rule: nothing that the user has set is touched. It imports no rclpy, as DDS reads all of this when
-rclpy starts; so `apply_defaults` has to come first.
+Variables that the user has set stay unchanged. This module does not import rclpy: DDS reads the
+environment when rclpy starts, so `apply_defaults` must run first.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ from collections.abc import Mapping, MutableMapping
 from pathlib import Path
 
 PROFILE = Path(__file__).resolve().with_name("fastdds_profile.xml")
-"""Shared memory of 64 MiB: with the default of 512 KiB, best effort loses every cloud of 1.3 MB."""
+"""Fast DDS profile with 64 MiB of shared memory. With the default of 512 KiB, best effort loses
+every cloud of 1.3 MB."""
 
 PROFILE_VARIABLE = "FASTDDS_DEFAULT_PROFILES_FILE"
 PROFILE_VARIABLE_2 = "FASTRTPS_DEFAULT_PROFILES_FILE"
-"""What Fast DDS 2 reads instead; Fast DDS 3 reads it, too, and warns."""
+"""Variable of Fast DDS 2. Fast DDS 3 also reads it, with a warning."""
 FAST_DDS_2_DISTRIBUTIONS = ("humble", "iron", "jazzy")
 
 RANGE_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
@@ -23,7 +24,7 @@ LEGACY_RANGE_VARIABLE = "ROS_LOCALHOST_ONLY"
 
 
 def apply_defaults(environment: MutableMapping[str, str]) -> None:
-    """Set what is not set: the Fast DDS profile, and discovery on this host only."""
+    """Set the Fast DDS profile, and discovery on this host only, unless already set."""
     if not _profile(environment):
         is_2 = environment.get("ROS_DISTRO") in FAST_DDS_2_DISTRIBUTIONS
         environment[PROFILE_VARIABLE_2 if is_2 else PROFILE_VARIABLE] = str(PROFILE)
@@ -32,7 +33,7 @@ def apply_defaults(environment: MutableMapping[str, str]) -> None:
 
 
 def describe(environment: Mapping[str, str]) -> str:
-    """Return in one line what DDS was told."""
+    """Return the DDS environment in one line."""
     profile = _profile(environment)
     own = " (the package's own)" if profile == str(PROFILE) else ""
     return (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS 2 graph: who publishes and who subscribes (`udp_bridge.node.responses.RosGraph`)."""
+"""Publishers and subscribers in the ROS 2 graph (`udp_bridge.node.responses.RosGraph`)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Ros2Graph:
-    """The graph as a node sees it; used from the thread that spins the node."""
+    """Graph as a node sees it. Use it only in the thread that spins the node."""
 
     def __init__(self, node: Node) -> None:
         self._node = node

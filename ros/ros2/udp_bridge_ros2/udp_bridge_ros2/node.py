@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS 2 node: parameters, and a `BridgeNode` with ROS 2's publishers and subscriptions.
+"""ROS 2 node: parameters, and a `BridgeNode` with ROS 2's publishers and subscriptions.
 
 The thread that calls `turn` owns the subscriptions.
 """
@@ -24,19 +24,19 @@ from .services import Ros2Services
 from .subscriptions import Ros2Subscriptions
 
 MAY_BE_OTHERS = ("datagram", "allow_any_peer")
-"""Parameters that may be text, a number or a boolean."""
+"""Parameters that accept text, a number or a boolean."""
 
 
 class Ros2Node(Node):
-    """The ROS 2 end of UDP Bridge.
+    """ROS 2 end of UDP Bridge.
 
-    Its parameters are those of `Settings`, and `frame_prefix`, which is put before all published
-    frames. `use_sim_time` and `qos_overrides` work as in every node.
+    Its parameters are those of `Settings`, and `frame_prefix`, a prefix of all published frames.
+    `use_sim_time` and `qos_overrides` work as in every node.
 
     Parameters
     ----------
     given
-        Settings that override the parameters of their names, unless they are None.
+        Settings that override the parameters of the same names, unless they are None.
 
     Raises
     ------
@@ -80,14 +80,14 @@ class Ros2Node(Node):
         self._run_services = Ros2Services(self, self._bridge.command_client)
 
     def turn(self) -> None:
-        """Serve ROS and the requests of peers, for 0.1 s at most."""
+        """Process ROS callbacks and the requests of peers, for 0.1 s at most."""
         now_nanos = time.monotonic_ns()
         wait_s = self._bridge.turn(now_nanos)
         self._diagnostics.turn(now_nanos)
         self._executor.spin_once(timeout_sec=wait_s)
 
     def close(self) -> None:
-        """End all threads and log the totals."""
+        """Stop all threads and log the totals."""
         self._run_services.close()
         self._bridge.close()
         self._leave()

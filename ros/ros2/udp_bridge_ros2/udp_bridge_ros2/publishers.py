@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishers of ROS 2, which publish CDR bytes as they are."""
+"""Publishers for ROS 2, which publish CDR bytes unchanged."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Ros2Publishers:
-    """Makes publishers of a node."""
+    """Factory of a node's publishers."""
 
     def __init__(self, node: Node, frame_prefix: str = "") -> None:
         self._node = node
@@ -46,7 +46,7 @@ class Ros2Publishers:
         )
 
         def publish(body: Buffer) -> None:
-            publisher.publish(bytes(body))  # the only copy: rclpy takes bytes alone
+            publisher.publish(bytes(body))  # the only copy; rclpy accepts only bytes
 
         def publish_prefixed(body: Buffer) -> None:
             message = deserialize_message(bytes(body), ros_class)

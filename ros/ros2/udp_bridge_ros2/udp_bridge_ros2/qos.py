@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""QoS profiles of ROS 2, from the table in `udp_bridge.node.topic_qos`.
+"""QoS profiles for ROS 2, from the table in `udp_bridge.node.topic_qos`.
 
-Every publisher offers `reliable`: DDS then matches reliable and best-effort subscribers alike, such
+Every publisher offers `reliable`. DDS then matches reliable and best-effort subscribers alike, such
 as RViz, ``create_subscription(..., 10)`` and the sensor-data profile. A reliable publisher never
 blocks here, because only the last `depth` messages are kept; a slow reliable subscriber costs
-retransmissions. For the same reason a subscription requests best effort.
+retransmissions. A subscription requests best effort, which also matches every publisher.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ OVERRIDES = QoSOverridingOptions(
         QoSPolicyKind.DURABILITY,
     ]
 )
-"""Policies that a user can override, by parameters such as
+"""Policies that a user can override with parameters such as
 `qos_overrides./imu.publisher.reliability`."""
 
 _SUBSCRIBED = {
@@ -46,7 +46,7 @@ def subscription_profile(type_name: str) -> QoSProfile:
     """Return the profile of a subscription to a wire type."""
     if type_name in _SUBSCRIBED:
         return _qos(_SUBSCRIBED[type_name], ReliabilityPolicy.RELIABLE)
-    # Matches every publisher; on one host, shared memory loses no message of this size.
+    # Best effort matches every publisher. On one host, shared memory loses no message of this size.
     return _qos(TopicQos(depth=10), ReliabilityPolicy.BEST_EFFORT)
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services of ROS 2 that control the run's time: simulation_interfaces, or std_srvs/Trigger.
+"""ROS 2 services that pause, step and reset the run: simulation_interfaces, or std_srvs/Trigger.
 
-A service call may take seconds. So all are served by threads of their own, and by a second node,
-because rclpy serves the callbacks of one node in one executor. Names are those of the bridge's
-node: `~/pause` is `/udp_bridge/pause`, in its namespace and remapped with it.
+A service call may take seconds. The services therefore have their own threads, and a second node,
+because rclpy serves the callbacks of one node in one executor. Their names are those of the
+bridge's node: `~/pause` is `/udp_bridge/pause`, in its namespace and remapped with it.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from udp_bridge.node.command_client import RunCommandClient
 from udp_bridge.node.run_control import RunControl, triggers
 
 THREADS = 8
-"""Concurrent calls. Only one of them steps; all others end within seconds."""
+"""Number of concurrent calls. Only one of them steps; all others end within seconds."""
 
 
 class _Offer(NamedTuple):
-    """Services and actions, each as name, type and callback."""
+    """Available services and actions, each as name, type and callback."""
 
     package: str
     services: list[tuple[str, Any, Callable[[Any, Any], Any]]]
@@ -35,12 +35,12 @@ class _Offer(NamedTuple):
 
 
 class Ros2Services:
-    """Serves calls until `close`.
+    """Services, active until `close`.
 
     Parameters
     ----------
     node
-        The bridge's node, whose name the services have.
+        The bridge's node, which provides the names of the services.
     """
 
     def __init__(self, node: Node, client: RunCommandClient) -> None:
@@ -49,7 +49,7 @@ class Ros2Services:
             f"{node.get_name()}_services",
             context=node.context,
             namespace=node.get_namespace(),
-            use_global_arguments=False,  # such as a name that is meant for the bridge's node
+            use_global_arguments=False,  # they may rename the bridge's node
             start_parameter_services=False,
             enable_rosout=False,
         )
@@ -84,7 +84,7 @@ class Ros2Services:
         self._thread.start()
 
     def close(self) -> None:
-        """End all threads; waiting calls fail."""
+        """Stop all threads; waiting calls fail."""
         self._client.close()
         self._executor.shutdown()
         self._thread.join()
@@ -94,7 +94,7 @@ class Ros2Services:
 
 
 def _offered(node: Node, run: RunControl) -> _Offer:
-    """Return the services that this installation has types for."""
+    """Return the services whose types are installed."""
     if find_spec("simulation_interfaces"):
         from .standard_services import StandardServices
 

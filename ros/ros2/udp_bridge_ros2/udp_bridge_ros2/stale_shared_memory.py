@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Removes shared memory of Fast DDS whose process was killed: with our profile 64 MiB each time.
+"""Removal of Fast DDS shared memory whose process was killed, 64 MiB each with our profile.
 
-Rule: what may still be in use stays. A living process holds a lock (flock) on the file that ends
-in ``_el`` beside each of its segments; one that nobody holds, and that is too old to be of a
-process which is just starting, has no owner any more. Ports are left alone: processes share them.
+Segments that may be in use stay. A running process holds a lock (flock) on the file that ends in
+``_el`` beside each of its segments. A segment has no owner if its lock is free and it is too old to
+belong to a process that is just starting. Ports stay, because processes share them.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from pathlib import Path
 
 SHARED_MEMORY = Path("/dev/shm")
 MIN_AGE_S = 10.0
-"""A process that starts makes the file first and locks it a moment later."""
+"""A starting process creates the file and locks it a moment later."""
 _LOCK_SUFFIX = "_el"
 
 
 def remove_leftovers(folder: Path, *, now_s: float) -> int:
-    """Remove segments without an owner; return how many there were.
+    """Remove segments without an owner; return their number.
 
     Parameters
     ----------
     folder
-        Where shared memory lies; nothing happens where it does not exist.
+        Folder of shared memory; it may be missing.
     now_s
-        The wall clock.
+        Wall clock in seconds.
     """
     removed = 0
     for lock in folder.glob(f"fastdds_{'[0-9a-f]' * 16}{_LOCK_SUFFIX}"):
-        with contextlib.suppress(OSError):  # somebody else's, locked, or just gone
+        with contextlib.suppress(OSError):  # owned by another user, locked, or just removed
             if now_s - lock.stat().st_mtime < MIN_AGE_S:
                 continue
             descriptor = os.open(lock, os.O_RDONLY)

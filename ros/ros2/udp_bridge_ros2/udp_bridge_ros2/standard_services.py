@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Services and an action of `simulation_interfaces`, the ROS 2 standard for simulators.
 
-Reported features work as the standard says. Every other request is answered as unsupported, with
-one line on the alternative. Importing this module needs that package.
+Reported features follow the standard. Every other request is answered as unsupported, with one line
+on the alternative. Importing this module requires that package.
 """
 
 from __future__ import annotations
@@ -48,17 +48,17 @@ def _result(code: int, message: str = "") -> Any:
 
 
 class _Cancelled(Exception):
-    """The client cancelled the steps."""
+    """The client canceled the steps."""
 
 
 class StandardServices:
-    """Serves requests; each method fills and returns a response, from any thread."""
+    """Request handlers; each fills and returns a response, in any thread."""
 
     def __init__(self, run: RunControl) -> None:
         self._run = run
         self._is_stopped = False
-        """Whether the last that was asked here was to stop: a stopped run is a paused one that was
-        reset, and only who asked knows the difference."""
+        """Whether the last request was to stop. A stopped run is a paused run that was reset, so
+        the run itself does not reveal the difference."""
 
     def rows(self) -> list[tuple[str, Any, Callable[[Any, Any], Any]]]:
         """Return name, type and callback of each service."""
@@ -75,12 +75,12 @@ class StandardServices:
         return [("simulate_steps", SimulateSteps, self.simulate)]
 
     def features(self, _: Any, response: Any) -> Any:
-        """Tell what is served."""
+        """Return the supported features."""
         response.features = SimulatorFeatures(features=list(FEATURES), custom_info=NOTE)
         return response
 
     def state(self, _: Any, response: Any) -> Any:
-        """Tell whether time runs."""
+        """Return whether time runs."""
 
         def do() -> Any:
             response.state.state = self._state(self._run.state())
@@ -90,7 +90,7 @@ class StandardServices:
         return response
 
     def set_state(self, request: Any, response: Any) -> Any:
-        """Let time run or stand."""
+        """Run, pause or stop the simulation."""
         wanted = request.state.state
         ways = {
             SimulationState.STATE_PLAYING: self._run.resume,
@@ -115,7 +115,7 @@ class StandardServices:
         return response
 
     def step(self, request: Any, response: Any) -> Any:
-        """Let time go on for some ticks; return when they are done."""
+        """Advance time by some ticks; return when they are done."""
 
         def do() -> Any:
             self._run.step(request.steps)
@@ -125,7 +125,7 @@ class StandardServices:
         return response
 
     def simulate(self, goal: Any) -> Any:
-        """Step with progress feedback; cancelling pauses the run at once."""
+        """Step with progress feedback; canceling pauses the run at once."""
         steps = goal.request.steps
 
         def report(done: int) -> None:
@@ -173,7 +173,7 @@ class StandardServices:
 
 
 def _done(do: Callable[[], Any]) -> Any:
-    """Return the result of a call, or the reason of its failure."""
+    """Return the result of a call, or the reason for its failure."""
     try:
         return do()
     except CommandFailed as reason:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subscriptions of ROS 2: raw ones, whose messages are CDR."""
+"""Raw subscriptions for ROS 2, which receive CDR."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Ros2Subscriptions:
-    """Makes subscriptions of a node; callbacks run in the thread that spins the node."""
+    """Factory of a node's subscriptions; callbacks run in the thread that spins the node."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -28,18 +28,18 @@ class Ros2Subscriptions:
         return self._node.get_logger()
 
     def now_nanos(self) -> int:
-        """Return the node's time."""
+        """Return the node's time in nanoseconds."""
         return int(self._node.get_clock().now().nanoseconds)
 
     def type_of(self, topic: str) -> str:
-        """Return the full type name of a published topic; empty when there is no publisher."""
+        """Return the full type name of a published topic; empty without a publisher."""
         found = self._node.get_publishers_info_by_topic(topic)
         return str(found[0].topic_type) if found else ""
 
     def subscribe(
         self, row: MessageType, topic: str, take: Callable[[bytes], None]
     ) -> Subscription:
-        """Have `take` called with the body of each message."""
+        """Call `take` with the body of each message."""
         ros_class = message_class(str(row.ros_type))
         fields = ros_class.get_fields_and_field_types()
         made = self._node.create_subscription(

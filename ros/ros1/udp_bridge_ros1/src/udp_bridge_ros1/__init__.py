@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS 1 end of UDP Bridge: datagrams become messages, commands go back."""
+"""ROS 1 end of UDP Bridge: publish messages from datagrams and send commands back."""

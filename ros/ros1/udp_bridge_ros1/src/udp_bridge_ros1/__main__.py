@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts the node: ``python3 -m udp_bridge_ros1 [--bind HOST:PORT] [_peer:=HOST:PORT ...]``.
+"""Start the node: ``python3 -m udp_bridge_ros1 [--bind HOST:PORT] [_peer:=HOST:PORT ...]``.
 
-An invalid option or setting is one error line and exit code 2. SIGINT and SIGTERM end the node
+An invalid option or setting causes one error line and exit code 2. SIGINT and SIGTERM end the node
 within a second. The node waits for a roscore, and ends with exit code 1 when roscore is restarted.
 """
 

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CDR into ROS 1's serialization and back, by a plan that is compiled once for each type.
+"""Conversion between CDR and ROS 1's serialization, by a plan compiled once per message type.
 
-Rule: a message is cut into slices and put together again; no number is ever unpacked but lengths,
-so an array costs as much as a single field, however long. Both are little-endian, and differ so:
+A message is cut into slices, which are joined again. Only lengths are unpacked, so the cost of an
+array of numbers does not depend on its length. Both formats are little-endian. They differ as
+follows:
 
-- CDR aligns each number to its own size, counted from behind the encapsulation; ROS 1 packs;
-- a string of CDR ends with a NUL, which its length counts;
-- a Header of ROS 1 begins with `seq`, which CDR has not.
+- CDR aligns each number to its own size, counted from the end of the encapsulation; ROS 1 packs;
+- a string of CDR ends with a NUL, which is part of its length;
+- a Header of ROS 1 begins with `seq`, which CDR lacks.
 
-Fields that ROS 2 added at a type's end are left out: ROS 1 has no place for them.
+Fields that ROS 2 added at the end of a type are dropped, because ROS 1 does not have them.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from .definition import HEADER, Definition, Field, parse
 Buffer = Union[bytes, bytearray, memoryview]
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
-"""How little-endian CDR begins."""
+"""Encapsulation header of little-endian CDR."""
 _PRIMITIVES: Dict[str, Tuple[int, int]] = {
     **dict.fromkeys(("bool", "int8", "uint8", "byte", "char"), (1, 1)),
     **dict.fromkeys(("int16", "uint16"), (2, 2)),
@@ -29,22 +30,22 @@ _PRIMITIVES: Dict[str, Tuple[int, int]] = {
     **dict.fromkeys(("int64", "uint64", "float64"), (8, 8)),
     **dict.fromkeys(("time", "duration"), (4, 8)),
 }
-"""Alignment and size."""
+"""Alignment and size of each primitive."""
 _LENGTH = Struct("<I")
 _NO_SEQ = bytes(4)
 
 
 class MalformedMessage(ValueError):
-    """The bytes are no message of their type."""
+    """The bytes are not a valid message of the type."""
 
 
 class _Written:
-    """CDR as it grows."""
+    """CDR output buffer."""
 
     def __init__(self) -> None:
         self.chunks: List[Buffer] = [ENCAPSULATION]
         self.at = 0
-        """Bytes behind the encapsulation."""
+        """Number of bytes after the encapsulation."""
 
     def pad(self, count: int) -> None:
         self.put(bytes(count))
@@ -55,11 +56,11 @@ class _Written:
 
 
 class _Fixed:
-    """Numbers one after another, arrays of a fixed length among them."""
+    """Step for consecutive numbers, including arrays of a fixed length."""
 
     def __init__(self, numbers: Sequence[Tuple[int, int]]) -> None:
         self._pieces = [_pieces(numbers, phase) for phase in range(8)]
-        """Of each place to begin at, modulo 8: padding and the bytes behind it, again and again."""
+        """For each start position modulo 8: pairs of padding and the number of bytes after it."""
 
     def to_ros1(self, cdr: memoryview, at: int, out: List[Buffer]) -> int:
         for padding, size in self._pieces[at & 7]:
@@ -78,7 +79,7 @@ class _Fixed:
 
 
 class _Seq:
-    """The number that a Header of ROS 1 begins with; 0 for want of one."""
+    """Step for the `seq` of a ROS 1 Header, which is set to 0."""
 
     def to_ros1(self, _: memoryview, at: int, out: List[Buffer]) -> int:
         out.append(_NO_SEQ)
@@ -89,14 +90,14 @@ class _Seq:
 
 
 class _Text:
-    """A string."""
+    """Step for a string."""
 
     def to_ros1(self, cdr: memoryview, at: int, out: List[Buffer]) -> int:
         length, at = _length(cdr, at + (-at & 3))
         end = _end(cdr, at + length)
         if length and cdr[end - 1]:
             raise MalformedMessage("a string does not end with NUL")
-        size = max(0, length - 1)  # some writers leave the NUL of an empty string out
+        size = max(0, length - 1)  # some writers omit the NUL of an empty string
         out += _LENGTH.pack(size), cdr[at : at + size]
         return end
 
@@ -111,7 +112,7 @@ class _Text:
 
 
 class _Numbers:
-    """An array that says its length, of numbers; it moves as one slice."""
+    """Step for a variable-length array of numbers, which is copied as one slice."""
 
     def __init__(self, alignment: int, size: int) -> None:
         self._mask, self._size = alignment - 1, size
@@ -138,7 +139,7 @@ class _Numbers:
 
 
 class _Each:
-    """An array that says its length, of anything else."""
+    """Step for a variable-length array of other elements."""
 
     def __init__(self, steps: Sequence[_Step]) -> None:
         self._steps = steps
@@ -165,27 +166,28 @@ _Step = Union[_Fixed, _Seq, _Text, _Numbers, _Each]
 
 
 class ConversionPlan:
-    """How messages of one type are turned.
+    """Conversion plan for the messages of one type.
 
     Parameters
     ----------
     full_text
-        The type's full definition in ROS 1, see `definition.parse`.
+        Full ROS 1 definition of the type, see `definition.parse`.
     """
 
     def __init__(self, full_text: str) -> None:
         definition = parse(full_text)
         self.is_stamped = definition.fields[:1] == [Field(HEADER, None)]
-        """Whether messages begin with a Header; then the first chunk of `to_ros1` is its `seq`."""
+        """Whether messages begin with a Header. If so, the first chunk of `to_ros1` is its `seq`.
+        """
         self._steps = _compiled(definition.fields, definition)
 
     def to_ros1(self, cdr: Buffer) -> List[Buffer]:
-        """Return the chunks of a message, most of them views of `cdr`; each `seq` is 0.
+        """Return the chunks of a ROS 1 message, most of them views of `cdr`; each `seq` is 0.
 
         Raises
         ------
         MalformedMessage
-            When `cdr` is no message of the type.
+            When `cdr` is not a valid message of the type.
         """
         if bytes(cdr[:2]) != ENCAPSULATION[:2]:
             raise MalformedMessage("this is no little-endian CDR")
@@ -197,12 +199,12 @@ class ConversionPlan:
         return chunks
 
     def to_cdr(self, ros1: Buffer) -> bytes:
-        """Return a message as CDR, its encapsulation in front.
+        """Return a message as CDR, including the encapsulation.
 
         Raises
         ------
         MalformedMessage
-            When `ros1` is no message of the type.
+            When `ros1` is not a valid message of the type.
         """
         body = memoryview(ros1)
         written = _Written()
@@ -215,7 +217,7 @@ class ConversionPlan:
 
 
 def _compiled(fields: Sequence[Field], definition: Definition) -> List[_Step]:
-    """Return the steps of some fields, with numbers that follow one another as one step."""
+    """Return the steps for a list of fields; consecutive numbers are one step."""
     steps: List[_Step] = []
     numbers: List[Tuple[int, int]] = []
     for part in _flat(fields, definition):
@@ -230,7 +232,7 @@ def _compiled(fields: Sequence[Field], definition: Definition) -> List[_Step]:
 
 
 def _flat(fields: Sequence[Field], definition: Definition) -> List[Union[_Step, Tuple[int, int]]]:
-    """Return steps, and alignment and size of the numbers between them."""
+    """Return steps, and the alignment and size of each number between them."""
     parts: List[Union[_Step, Tuple[int, int]]] = []
     for type_name, count in fields:
         if type_name in _PRIMITIVES:

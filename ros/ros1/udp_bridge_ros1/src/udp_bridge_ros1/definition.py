@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A full message definition, as ROS 1 carries it in `_full_text` and in bags, taken apart.
+"""Parser of a full ROS 1 message definition, as found in `_full_text` and in bags.
 
-Rule: it knows text alone: fields and the types that they are made of, no bytes.
+The parser handles text only: fields and their types, not serialized bytes.
 """
 
 from __future__ import annotations
@@ -15,34 +15,34 @@ _BETWEEN = re.compile(r"^=+\nMSG: *(\S+)\n", re.MULTILINE)
 
 
 class Field(NamedTuple):
-    """One field of a message."""
+    """Field of a message."""
 
     type_name: str
-    """A primitive of ROS, or the name that `Definition.parts` has the fields of."""
+    """ROS primitive, or a key of `Definition.parts`."""
     length: Optional[int]
-    """Of a fixed array; -1 of one that says its length itself; None of no array."""
+    """Length of a fixed array; -1 for a variable-length array; None for no array."""
 
 
 class Definition(NamedTuple):
-    """Fields of a message, and of all messages that it is made of."""
+    """Fields of a message, and of all message types that it contains."""
 
     fields: List[Field]
     parts: Dict[str, List[Field]]
 
 
 def parse(full_text: str) -> Definition:
-    """Return what a definition says.
+    """Parse a full definition.
 
     Parameters
     ----------
     full_text
-        The fields of the type itself, then those of each type it is made of, each under a line of
-        `=` and one `MSG: package/Name`.
+        The fields of the type itself, then those of each contained type, each after a line of `=`
+        and a line `MSG: package/Name`.
 
     Raises
     ------
     ValueError
-        When a line is no field and no constant, or a part is missing.
+        When a line is neither a field nor a constant, or a contained type is missing.
     """
     own, *rest = _BETWEEN.split(full_text)
     texts = dict(zip(rest[::2], rest[1::2]))
@@ -55,7 +55,7 @@ def _fields(text: str, texts: Dict[str, str]) -> List[Field]:
     fields = []
     for line in text.splitlines():
         said = line.partition("#")[0].strip()
-        if not said or "=" in said:  # a constant takes no room in a message
+        if not said or "=" in said:  # constants are not serialized
             continue
         match = _FIELD.fullmatch(said)
         if match is None:

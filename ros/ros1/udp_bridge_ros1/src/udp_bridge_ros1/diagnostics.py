@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishes the node's counters on /diagnostics once a second, as DiagnosticArray.
+"""Publisher of the node's counters on /diagnostics, once a second, as DiagnosticArray.
 
-One status for each topic and peer, and one for the link; `udp_bridge.node.diagnostics` sets levels.
+The array has one status for each topic and peer, and one for the link.
+`udp_bridge.node.diagnostics` sets the levels.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ PERIOD_NANOS = 1_000_000_000
 
 
 class Ros1Diagnostics:
-    """Publishes the counters of a link; call `turn` several times a second.
+    """Publisher of a link's counters; call `turn` several times a second.
 
     Parameters
     ----------
@@ -38,7 +39,7 @@ class Ros1Diagnostics:
         self._publisher = rospy.Publisher(TOPIC, DiagnosticArray, queue_size=1)
 
     def turn(self, now_nanos: int) -> None:
-        """Publish when a second has passed."""
+        """Publish if a second has passed since the last time."""
         if now_nanos < self._due_nanos:
             return
         self._due_nanos = now_nanos + PERIOD_NANOS

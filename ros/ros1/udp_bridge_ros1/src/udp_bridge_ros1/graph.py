@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS 1 graph: who publishes and who subscribes (`udp_bridge.node.responses.RosGraph`).
+"""Publishers and subscribers in the ROS 1 graph (`udp_bridge.node.responses.RosGraph`).
 
-Only connections of this node count: a message that is published before the connection exists is
-lost to the subscriber, and the master also lists nodes that have died.
+Only connections of this node count. A message that is published before the connection exists does
+not reach the subscriber, and the master also lists nodes that have crashed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from rospy.impl.registration import Registration, get_topic_manager
 
 
 class Ros1Graph:
-    """The connections of this node."""
+    """Connections of this node."""
 
     def publishers(self, topic: str) -> FrozenSet[Hashable]:
         """Return identities of a topic's publishers; a restarted publisher has a new one."""
@@ -35,4 +35,4 @@ class Ros1Graph:
 
 def _connections(kind: str, topic: str) -> List[Any]:
     found = get_topic_manager().get_impl(kind, rospy.resolve_name(topic))
-    return list(found.connections or ()) if found is not None else []  # None at its end
+    return list(found.connections or ()) if found is not None else []  # None during shutdown

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Watches roscore: whether it is reachable, and whether it was restarted.
+"""Watcher of roscore: whether it is reachable, and whether it was restarted.
 
-rospy registers a topic once. After a restart of roscore, no other node finds the topics of this
-node; so a restart ends the node. A thread polls, because a reply may take long.
+rospy registers a topic only once. After a restart of roscore, other nodes can't find the topics of
+this node, so a restart ends the node. A thread polls roscore, because a reply may take long.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ PERIOD_S = 1.0
 
 
 def wait_for_master(is_over: Callable[[], bool], say: Callable[[str], object]) -> bool:
-    """Wait for roscore; return False when `is_over` became true before."""
+    """Wait for roscore; return False if `is_over` becomes true first."""
     has_said = False
     pause = threading.Event()
     while not is_over():
@@ -30,7 +30,7 @@ def wait_for_master(is_over: Callable[[], bool], say: Callable[[str], object]) -
 
 
 class MasterWatch:
-    """Polls roscore once a second."""
+    """Watcher that polls roscore once a second."""
 
     def __init__(self, name: str) -> None:
         self.is_another = False
@@ -41,7 +41,7 @@ class MasterWatch:
         threading.Thread(target=self._run, name="roscore", daemon=True).start()
 
     def close(self) -> None:
-        """End the polling."""
+        """Stop polling."""
         self._bridge.set()
 
     def _run(self) -> None:
@@ -49,4 +49,4 @@ class MasterWatch:
             try:
                 self.is_another = self._master.getPid() != self._first
             except (OSError, rosgraph.MasterException):
-                continue  # connected topics work without roscore
+                continue  # established connections work without roscore

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Message classes for rospy that hold serialized bytes and decode nothing.
 
-For ROS they are the type that they stand for: they have its name, checksum and definition.
+To ROS, such a class is the type that it represents: it has the same name, checksum and definition.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .cdr import Buffer, ConversionPlan
 
 
 class RawMessage(genpy.Message):  # type: ignore[misc]
-    """A message as serialized bytes; `RawType.raw` derives from it."""
+    """Message as serialized bytes; base class of `RawType.raw`."""
 
     __slots__ = ("chunks",)
     _slot_types = ()
@@ -31,16 +31,16 @@ class RawMessage(genpy.Message):  # type: ignore[misc]
         buff.writelines(self.chunks)
 
     def deserialize(self, data: bytes) -> RawMessage:
-        """Keep received bytes; called by rospy."""
+        """Keep the received bytes; called by rospy."""
         self.chunks = (data,)
         return self
 
 
 class RawType(NamedTuple):
-    """A message type, ready to publish and subscribe."""
+    """Message type that can be published and subscribed to."""
 
     raw: Any
-    """A class derived from `RawMessage`."""
+    """Class derived from `RawMessage`."""
     plan: ConversionPlan
 
 

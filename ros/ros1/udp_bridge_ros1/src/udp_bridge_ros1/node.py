@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS 1 node: parameters, and a `BridgeNode` with ROS 1's publishers and subscriptions."""
+"""ROS 1 node: parameters, and a `BridgeNode` with ROS 1's publishers and subscriptions."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from .subscriptions import Ros1Subscriptions
 
 
 class Ros1Node:
-    """The ROS 1 end of UDP Bridge, within a node that rospy has initialized.
+    """ROS 1 end of UDP Bridge, in a process in which rospy is initialized.
 
-    Its private parameters are those of `Settings`, and `~frame_prefix`, which is put before all
-    published frames.
+    Its private parameters are those of `Settings`, and `~frame_prefix`, a prefix of all published
+    frames.
 
     Parameters
     ----------
     given
-        Settings that override the parameters of their names, unless they are None.
+        Settings that override the parameters of the same names, unless they are None.
 
     Raises
     ------
@@ -52,13 +52,13 @@ class Ros1Node:
         self._services = Ros1Services(self._bridge.command_client, publishers.get_logger())
 
     def turn(self) -> None:
-        """Serve the requests of peers, for 0.1 s at most."""
+        """Process requests of peers, for 0.1 s at most."""
         now_nanos = time.monotonic_ns()
         wait_s = self._bridge.turn(now_nanos)
         self._diagnostics.turn(now_nanos)
         self._subscriptions.turn(wait_s)
 
     def close(self) -> None:
-        """End all threads and log the totals."""
+        """Stop all threads and log the totals."""
         self._services.close()
         self._bridge.close(self._subscriptions.refused)

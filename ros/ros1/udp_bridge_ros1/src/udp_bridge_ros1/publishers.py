@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishers of ROS 1, which convert CDR to the serialization of ROS 1.
+"""Publishers for ROS 1, which convert CDR to the serialization of ROS 1.
 
 rospy has a queue and a thread for each subscriber. A stalled subscriber loses its own messages,
-which are counted, and blocks no other. `seq` counts the messages of a topic, as in any node.
+which are counted, and does not block other subscribers. `seq` counts the messages of a topic, as in
+every node.
 """
 
 from __future__ import annotations
@@ -30,10 +31,11 @@ _SEQ = Struct("<I")
 
 
 class SubscriberQueues:
-    """rospy's queues of a topic's subscribers, and the messages that they dropped.
+    """rospy's queues for a topic's subscribers, and counts of dropped messages.
 
-    rospy drops the oldest message of a full queue without notice. So a full queue is compared
-    before and after: when its last message changed, its first was dropped.
+    rospy drops the oldest message of a full queue without notice. A full queue is therefore
+    compared before and after publishing: if its last message changed, its first message was
+    dropped.
     """
 
     def __init__(self, publisher: Any, depth: int) -> None:
@@ -42,7 +44,7 @@ class SubscriberQueues:
         self._lost: Dict[int, int] = {}
 
     def publish(self, message: Any) -> None:
-        """Publish a message, and count the messages that it displaced."""
+        """Publish a message, and count the messages that it displaces."""
         full = [
             (connection.id, queue, queue[-1])
             for connection in self._connections()
@@ -54,7 +56,7 @@ class SubscriberQueues:
                 self._lost[number] = self._lost.get(number, 0) + 1
 
     def lost(self) -> Dict[str, int]:
-        """Return the number of displaced messages by connected subscriber."""
+        """Return the number of dropped messages by connected subscriber."""
         names = {connection.id: connection.endpoint_id for connection in self._connections()}
         for number in self._lost.keys() - names.keys():
             del self._lost[number]
@@ -62,18 +64,18 @@ class SubscriberQueues:
 
     def _connections(self) -> List[Any]:
         impl = self._publisher.impl
-        return list(impl.connections) if impl is not None else []  # None at its end
+        return list(impl.connections) if impl is not None else []  # None during shutdown
 
 
 class Ros1Publishers:
-    """Makes publishers; messages are decoded only to add a frame prefix."""
+    """Factory of publishers. Messages are decoded only to add a frame prefix."""
 
     def __init__(self, frame_prefix: str = "") -> None:
         self._frame_prefix = frame_prefix
         self._queues: Dict[str, SubscriberQueues] = {}
 
     def lost(self, topic: str) -> Mapping[str, int]:
-        """Return the number of displaced messages of a topic by subscriber."""
+        """Return the number of dropped messages of a topic by subscriber."""
         queues = self._queues.get(topic)
         return queues.lost() if queues is not None else {}
 
@@ -95,7 +97,7 @@ class Ros1Publishers:
                 chunks[0] = _SEQ.pack(next(counter) & 0xFFFFFFFF)
             if self._frame_prefix:
                 chunks = [self._prefixed(row, chunks)]
-            if is_description:  # which ROS 1 reads from a parameter
+            if is_description:  # ROS 1 reads the robot description from a parameter
                 text = b"".join(chunks)[_SEQ.size :].decode("utf-8", "replace")
                 rospy.set_param(topic, text)
             queues.publish(raw(*chunks))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services of ROS 1 that control the run's time: std_srvs/Trigger such as `~pause`.
+"""ROS 1 services that pause, step and reset the run: std_srvs/Trigger such as `~pause`.
 
-rospy serves each caller in a thread of its own, so a waiting call blocks no other.
+rospy serves each caller in its own thread, so a waiting call does not block other calls.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from udp_bridge.node.run_control import RunControl, triggers
 
 
 class Ros1Services:
-    """Serves calls until `close`; logs a warning when std_srvs is not installed."""
+    """Services, active until `close`. Logs a warning if std_srvs is not installed."""
 
     def __init__(self, client: RunCommandClient, log: logging.Logger) -> None:
         self._client = client
@@ -32,7 +32,7 @@ class Ros1Services:
         log.info(f"services of std_srvs at {rospy.get_name()}/: {', '.join(filled)}")
 
     def close(self) -> None:
-        """End the services; waiting calls fail."""
+        """Stop the services; waiting calls fail."""
         self._client.close()
         for service in self._services:
             service.shutdown()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subscriptions of ROS 1, which convert the serialization of ROS 1 to CDR.
+"""Subscriptions for ROS 1, which convert the serialization of ROS 1 to CDR.
 
 rospy's threads only append to a queue that keeps the newest messages. The thread that calls `turn`
-converts them and runs callbacks.
+converts the messages and runs the callbacks.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 
 Take = Callable[[bytes], None]
 WAITING = 256
-"""Messages of all topics that may be queued for `turn`."""
+"""Capacity of the queue for `turn`, in messages of all topics."""
 
 
 class Ros1Subscriptions:
-    """Makes subscriptions."""
+    """Factory of subscriptions."""
 
     def __init__(self) -> None:
         self.refused = 0
-        """Messages that do not match their type."""
+        """Number of messages that do not match their type."""
         self._waiting: Deque[Tuple[_Subscriber, bytes]] = deque(maxlen=WAITING)
         self._came = threading.Event()
 
@@ -42,16 +42,16 @@ class Ros1Subscriptions:
         return logging.getLogger("rosout")
 
     def now_nanos(self) -> int:
-        """Return ROS time, which is sim time with `use_sim_time`."""
+        """Return ROS time in nanoseconds; with `use_sim_time` this is sim time."""
         return int(rospy.get_rostime().to_nsec())
 
     def type_of(self, topic: str) -> str:
-        """Return the ROS 2 type name of a published topic; empty when there is no publisher."""
+        """Return the ROS 2 type name of a published topic; empty without a publisher."""
         types = dict(rosgraph.Master(rospy.get_name()).getTopicTypes())
         return str(types.get(rospy.resolve_name(topic), "")).replace("/", "/msg/")
 
     def subscribe(self, row: MessageType, topic: str, take: Take) -> Subscription:
-        """Have `take` called with the CDR of each message, in the thread of `turn`."""
+        """Call `take` with the CDR of each message, in the thread of `turn`."""
         raw, plan = raw_type(str(row.ros_type))
         ours = _Subscriber(plan, take)
 
@@ -68,7 +68,7 @@ class Ros1Subscriptions:
         return Subscription(plan.is_stamped, end)
 
     def wake(self) -> None:
-        """Wake `turn`; from any thread."""
+        """Wake `turn`. Thread-safe."""
         self._came.set()
 
     def turn(self, wait_s: float) -> None:
@@ -85,7 +85,7 @@ class Ros1Subscriptions:
 
 
 class _Subscriber:
-    """A subscriber of a topic."""
+    """Subscriber of a topic."""
 
     def __init__(self, plan: ConversionPlan, take: Take) -> None:
         self.plan = plan
