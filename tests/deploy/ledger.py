@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Holds sensors and gateway to account on the bus: each reading is seen, told missing, or counted.
+"""Audit of readings on the bus: each is received, reported missing, or counted as lost.
 
-Rule: a reading that is due is seen here, or its sensor tells that it is missing and why, or it is
-lost on the bus, and then the gateway's own counters have it as one that did not come. That goes
-through all episodes of the run: each is over at its last clock, and in the next one readings are
-due from the first on. So a ledger is opened before a fault and read after it.
+A due reading must appear on the bus, or its sensor must report it as missing with a cause.
+Otherwise it was lost on the bus, and the gateway's counters must include it. The audit covers all
+episodes of the run. An episode ends with its last clock message, and in the next episode readings
+are due from the first one on. Open a ledger before a fault and read it afterwards.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS 2 user in a container of its own: what has arrived so far, as JSON, four times a second.
+"""ROS 2 node in its own container: prints its received messages as JSON, four times a second.
 
-It knows nothing of Groundlink but names and types of topics. Messages are taken as bytes: only the
-stamp is looked at, the first field of every header.
+It depends only on names and types of topics. Messages are received as bytes, and only the stamp,
+the first field of every header, is decoded.
 """
 
 from __future__ import annotations

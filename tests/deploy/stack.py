@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The containers of the default scenario on a real engine, and those who look at them."""
+"""Containers of the default scenario on a real engine, and containers that observe them."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The stack for real: all of it healthy, each topic at its rate, back after every fault.
+"""Deployment tests: healthy containers, topic rates, and recovery from every fault.
 
-Rule: time is that of the run, by stamps, and every reading that is missing was told, so that a
-machine with too few cores for all of it makes no test fail. How long each fault took is printed.
+Time is that of the run, by stamps, and every missing reading must be reported. A machine with too
+few cores therefore fails no test. The duration of each fault is printed.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""systemd units: sandboxed as far as systemd's own rating sees it."""
+"""Deployment tests of the systemd units: the sandbox satisfies systemd's own security rating."""
 
 from __future__ import annotations
 

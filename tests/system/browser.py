@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Chromium without a screen: pictures of pages, and whether there is anything on them."""
+"""Headless Chromium: screenshots of pages, and a check for blank pages."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all tests of the running system share."""
+"""Fixtures of all system tests."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run of every kind of sensor that drives itself, and a witness of every byte that they publish.
+"""Run with every kind of sensor and an autopilot, and a recorder of every published byte.
 
 `python -m tests.system.determined FOLDER ENDPOINT` runs it without its LiDAR, which joins from
-elsewhere, and writes what was heard.
+another machine, and writes the received messages.
 """
 
 from __future__ import annotations

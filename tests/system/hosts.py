@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hosts with networks of their own on this machine, joined by a switch whose cables can be pulled.
+"""Emulated hosts with separate networks on this machine, connected by a switch.
 
-Rule: each host is a network namespace of the kernel with a `/dev/shm` of its own, by which Zenoh
-would else carry large messages past the cable; the switch is one too, and nothing of the machine's
-own network is touched. All of it ends with the processes that hold the namespaces.
+Cables can be disconnected. Each host is a network namespace of the kernel with its own `/dev/shm`;
+otherwise Zenoh would use shared memory for large messages and bypass the cable. The switch is a
+network namespace, too. The machine's own network stays unchanged. All namespaces end with the
+processes that hold them.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Looks at a Rerun recording without a screen: Rerun's own viewer, drawn by Vulkan in software.
+"""Headless rendering of a Rerun recording with Rerun's own viewer and software Vulkan.
 
-Its client is declared experimental; it is used here and nowhere else.
+The viewer's client is declared experimental and is used only here.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Real processes for system tests: free ports, private names, and an end for all of them."""
+"""Rig of system tests: real processes, free ports, private names, and cleanup."""
 
 from __future__ import annotations
 

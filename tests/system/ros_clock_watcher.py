@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node with use_sim_time: a timer of sim time, and a callback when time jumps back.
+"""ROS node with use_sim_time: a sim-time timer, and a callback for backward time jumps.
 
-Run as ``python -m tests.system.ros_clock_watcher FILE``; it writes a JSON line for each.
+Run as ``python -m tests.system.ros_clock_watcher FILE``; it writes a JSON line for each event.
 """
 
 from __future__ import annotations

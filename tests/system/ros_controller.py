@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A controller in the loop, as users write them: follows a wavy line by what it sees.
+"""ROS 2 controller in the loop, as a user would write it: follows a wavy line by feedback.
 
-Run as ``python -m tests.system.ros_controller WAY LONGEST_DELAY_S``. WAY is `odom`: it answers each
-message on /odom with one on /cmd_vel; or `timer`: a timer of sim time does so, every 20 ms, with
-the newest odometry; or `joints`: it answers each message on /clock with one on /joint_commands, and
-prints what /joint_states says of them. Delays are random, on the wall clock, and differ from run
-to run.
+Run as ``python -m tests.system.ros_controller WAY LONGEST_DELAY_S``. WAY is one of:
+
+- `odom`: answers each message on /odom with a message on /cmd_vel;
+- `timer`: a sim-time timer sends a message on /cmd_vel every 20 ms, from the newest odometry;
+- `joints`: answers each message on /clock with a message on /joint_commands, and prints the
+  corresponding /joint_states.
+
+Delays are random, in wall-clock time, and differ from run to run.
 """
 
 from __future__ import annotations

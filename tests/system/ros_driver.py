@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS 2 user's teleoperation: publishes a Twist at 20 Hz for a while.
+"""ROS 2 teleoperation node: publishes a Twist at 20 Hz for a given time.
 
 Run as ``python -m tests.system.ros_driver LINEAR_MPS ANGULAR_RADPS SECONDS``.
 """

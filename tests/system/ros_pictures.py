@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS 2 user's node: subscribes to cameras and writes a JSON line for each message.
+"""ROS 2 node that subscribes to cameras and writes a JSON line for each message.
 
-Run as ``python -m tests.system.ros_pictures FILE``; it knows nothing of Groundlink but its topics.
+Run as ``python -m tests.system.ros_pictures FILE``. It depends on Groundlink's topics only.
 """
 
 from __future__ import annotations

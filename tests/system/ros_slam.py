@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS 2 user's SLAM, as little of one as there is: a map, and at each cloud a pose and a plan.
+"""Minimal stand-in for a ROS 2 SLAM node: a map, and a pose and a plan for each cloud.
 
-Run as ``python -m tests.system.ros_slam``. The pose never changes, so map and truth part as the
-vehicle drives.
+Run as ``python -m tests.system.ros_slam``. The pose is constant, so map and ground truth diverge as
+the vehicle drives.
 """
 
 from __future__ import annotations

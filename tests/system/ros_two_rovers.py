@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS 2 user's node with two rovers: drives the second, and writes a JSON line for what both say.
+"""ROS 2 node for two rovers: drives the second, and writes a JSON line for messages of both.
 
 Run as ``python -m tests.system.ros_two_rovers FILE``.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run whose bus takes certificates, and strangers who try theirs on it."""
+"""Rig for a run with a certificate-protected bus, and participants with foreign certificates."""
 
 from __future__ import annotations
 

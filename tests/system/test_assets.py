@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A world's data travel: a sensor on a machine that has no files sees terrain and meshes."""
+"""System tests of world assets: a sensor host without files receives terrain and meshes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A LiDAR's blocks in Ethernet-sized datagrams, in real time: all of them reach ROS."""
+"""System tests of LiDAR blocks: in real time, all Ethernet-sized datagrams reach ROS."""
 
 from __future__ import annotations
 

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run over Ethernet-sized datagrams: blocks, subscriptions both ways, poses and maps from ROS."""
+"""System tests of both directions over Ethernet-sized datagrams.
+
+The tests cover LiDAR blocks, subscriptions of both sides, and poses and maps from ROS.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The camera of the default scenario: every picture of a fast run, the same each time."""
+"""System tests of the default scenario's camera: a fast run has all pictures, with equal bytes."""
 
 from __future__ import annotations
 

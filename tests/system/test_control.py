@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run under way is paused, stepped, and begun again, by real processes over a real bus."""
+"""System tests of run control: pause, step and reset with real processes and a real bus."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Processes come and go: what is killed comes back, and the rest never stops."""
+"""System tests of crashes: killed processes restart, and the other processes continue."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""In lockstep every sensor gives the same bytes, wherever, whenever and however slowly it runs.
+"""System tests of determinism: in lockstep every sensor publishes the same bytes.
 
-A run of 10 s with every kind of sensor, undisturbed and in fast mode, is what all others have to
-equal. Two that keep to the wall clock begin with it, and end when they have been looked at.
+The bytes must not depend on the host, the start time or the speed of a process. The reference is an
+undisturbed run of 10 s in fast mode with every kind of sensor. Two runs follow the wall clock; they
+start together with the reference run and end after their checks.
 """
 
 from __future__ import annotations

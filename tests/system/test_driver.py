@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run that drives itself: the same bytes each time in fast mode, and to the route's end."""
+"""System tests of the autopilot: identical bytes in fast mode, and arrival at the route's end."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sensors of a real run are made to fail, by scenario and by command: seen in ROS and recorded."""
+"""System tests of sensor faults, by scenario and by command: visible in ROS and recorded."""
 
 from __future__ import annotations
 

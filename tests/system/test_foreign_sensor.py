@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor kind of another distribution does all that a shipped one does; nothing here knows it."""
+"""System tests of a sensor kind from another distribution, with all features of shipped kinds.
+
+No module of Groundlink refers to that kind.
+"""
 
 from __future__ import annotations
 

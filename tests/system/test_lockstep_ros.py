@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS 2 controller in the loop of a run in lockstep: the same way to the bit, every time."""
+"""System tests of a ROS 2 controller in lockstep: a bit-identical trajectory in every run."""
 
 from __future__ import annotations
 

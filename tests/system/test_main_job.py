@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The main job: a scenario starts, its data arrive in a real ROS 2, a Twist drives the rover."""
+"""System tests of the main use case: start a scenario, receive its data in ROS 2, and drive."""
 
 from __future__ import annotations
 

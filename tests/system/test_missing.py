@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Too much for two cores, in real time: every reading is recorded, or missing for a cause.
+"""System tests of missing readings: under overload, each reading is recorded or has a cause.
 
-LiDARs that no core can follow, and loops that keep all cores busy beside them.
+LiDARs that exceed the speed of one core run in real time beside loops that keep all cores busy.
 """
 
 from __future__ import annotations

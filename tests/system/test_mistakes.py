@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Users' mistakes at the command line: one clear line on stderr, exit code 2, no traceback."""
+"""System tests of user errors: one clear line on stderr, exit code 2, no traceback."""
 
 from __future__ import annotations
 

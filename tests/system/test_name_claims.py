@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Processes that are started separately, as on a machine each."""
+"""System tests of single processes: each starts on its own, as on a separate machine."""
 
 from __future__ import annotations
 

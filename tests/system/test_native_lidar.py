@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A VLP-16's own packets from a real run, as others decode them; and who has none."""
+"""System tests of VLP-16 packets from a real run, checked with independent decoders.
+
+A LiDAR without its own packet format causes one error line.
+"""
 
 from __future__ import annotations
 

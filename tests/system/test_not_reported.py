@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS side that knows Table 1 of the paper alone: it receives, and reports nothing."""
+"""System test of a receiver that implements only Table 1 of the paper and sends no reports."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Satellite receivers and range finders as processes: on the bus, in ROS's form and in NMEA."""
+"""System tests of GNSS receivers and range finders: on the bus, in ROS and as NMEA."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor that cannot follow: time gives way, or its readings, or the run; and all of it is said.
+"""System tests of overload: a slow sensor delays time, loses readings or aborts the run.
 
-A sensor that is stopped for a while is as one whose machine is too busy, at a time that is known.
+Each outcome is reported. The tests stop a sensor for a while to emulate an overloaded machine at a
+known time.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of all kinds of cameras in a real ROS 2: what arrives is what was sent."""
+"""System tests of camera pictures in a real ROS 2: received pictures equal the sent ones."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded run: it opens everywhere, it is complete and true, and it survives a kill."""
+"""System tests of recordings: readable by other tools, complete, correct and crash-safe."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a recorded run sends to ROS is what it sent then, body for body."""
+"""System tests of replay: a recording sends ROS the same message bodies as the original run."""
 
 from __future__ import annotations
 

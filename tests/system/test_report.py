@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded run becomes a page on which there is something to see, light and dark."""
+"""System tests of the report page of a recorded run: not blank, in light and dark themes."""
 
 from __future__ import annotations
 

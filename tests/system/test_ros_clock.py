@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS 2 node with use_sim_time follows a run: its timers, a pause, and a reset."""
+"""System tests of a ROS 2 node with use_sim_time: timers, a pause and a reset."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS node pauses, steps and resets a run: real processes, real ROS 2, lost datagrams."""
+"""System tests of run control from ROS: pause, step and reset with lost datagrams."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run is saved half way; what is restored from there publishes the bytes of one that went on."""
+"""System tests of saved runs: a restored run publishes the same bytes as an uninterrupted run."""
 
 from __future__ import annotations
 

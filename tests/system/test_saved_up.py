@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink up` in real time with all that belongs to it: saved, restored, begun from a file."""
+"""System tests of saving with `groundlink up` in real time: restore, and start from a file."""
 
 from __future__ import annotations
 

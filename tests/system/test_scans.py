@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Planar scanners as processes: their scans arrive in a real ROS 2, all of them, and make sense."""
+"""System tests of planar scanners: all scans arrive in a real ROS 2 and are plausible."""
 
 from __future__ import annotations
 

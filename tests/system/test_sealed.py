@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run whose two ends share a key, over an emulated link that is changed while it runs."""
+"""System test of a bridge with a shared key, over an emulated link that changes during the run."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run behind credentials: all of it works, and whoever tries to take part without them fails."""
+"""System tests of a run with credentials: all features work, and access without them fails."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink snapshot` as a user types it: a run, a picture, and one line for what is wrong."""
+"""System tests of `groundlink snapshot`: four files per snapshot, one error line per mistake."""
 
 from __future__ import annotations
 

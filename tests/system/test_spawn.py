@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A box comes into a fast run and goes again: its scanner sees it, and twice the same bytes."""
+"""System test of spawning: the scanner sees a box while it exists; runs have identical bytes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Physics, sensors, and the gateway with ROS on three hosts, and cables that are pulled."""
+"""System tests of three hosts (physics, sensors, gateway with ROS) with disconnected cables."""
 
 from __future__ import annotations
 

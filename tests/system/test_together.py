@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink up --sensors-together`: one process for all sensors, each told as ever."""
+"""System test of `groundlink up --sensors-together`: one process, separate status per sensor."""
 
 from __future__ import annotations
 

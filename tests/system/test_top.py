@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink top` and `drive` on a real run: who dies is seen to be gone, who drives moves."""
+"""System tests of `groundlink top` and `drive`: crashed processes are shown, the vehicle moves."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The truth beside a run's readings, in ROS: clouds without error, wheels, and all bodies."""
+"""System tests of ground truth in ROS: clouds without errors, wheels and all bodies."""
 
 from __future__ import annotations
 

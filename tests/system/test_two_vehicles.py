@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two vehicles in one run and one ROS: each has its own topics, frames and commands."""
+"""System tests of two vehicles in one run and one ROS: separate topics, frames and commands."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded run comes out again to the byte; what does not is named."""
+"""System tests of `groundlink verify`: it reproduces recordings exactly and names differences."""
 
 from __future__ import annotations
 

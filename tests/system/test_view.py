@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run is looked at: the picture is not blank, and the run does not feel that it is looked at."""
+"""System tests of the viewer: the picture is not blank, and the run is not affected."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Counters and odometry remember what states do not tell: a crash changes no byte of a fast run."""
+"""System test of counters and odometry: a crash changes no byte of a fast run."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS 2 node with a wrong key, or none, reads and writes nothing, and both ends say so."""
+"""System tests of a ROS 2 node with a wrong or missing key: no data, and logs at both ends."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The wall follower without ROS: stands in the gateway's place in a run with `lockstep: ros`.
+"""Wall follower without ROS: replaces the gateway in a run with `lockstep: ros`.
 
-``python -m tests.system.wall_follower_bus LAPS --connect ENDPOINT --run RUN``. At each message of
-the clock it waits until all sensors have come to it, decides, and says so to physics, as a gateway
-does with what ROS has decided.
+``python -m tests.system.wall_follower_bus LAPS --connect ENDPOINT --run RUN``. At each clock
+message it waits until all sensors have reached that time, decides, and sends the command to
+physics, as a gateway does with the commands of ROS.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The wall follower as a node of ROS 2: ``python -m tests.system.wall_follower_ros2 LAPS``."""
+"""Wall follower as a ROS 2 node: ``python -m tests.system.wall_follower_ros2 LAPS``."""
 
 from __future__ import annotations
 

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Follows the wall on the right by scan and odometry: decisions alone, for any middleware.
+"""Wall-following controller from scan and odometry, independent of any middleware.
 
-Rule: what is decided depends on stamps, never on the order in which messages come: to each odometry
-belongs the newest scan that is `AGE_NANOS` old or older, and it is waited for. Numbers are Python's
-floats, of what ROS's messages hold, so every way gives the same bits. It knows no ROS and no bus.
+Decisions depend on stamps, never on the order of arrival. Each odometry message is paired with the
+newest scan that is at least `AGE_NANOS` old, and the controller waits for that scan. Numbers are
+Python floats from the fields of ROS messages, so every middleware gives the same bits. This module
+imports neither ROS nor the bus.
 """
 
 from __future__ import annotations
