@@ -95,7 +95,7 @@ def points(
         x and y of each pixel's ray at z = 1.
     every : int
         Stride in rows and columns.
-    colour : uint8 array, shape (height, width, 3), optional
+    color : uint8 array, shape (height, width, 3), optional
         Color image; the intensity of a point is the mean of red, green and blue.
     """
     z = depth_m[::every, ::every]
