@@ -80,7 +80,7 @@ def delivered(mode: Mode | None, make: Callable[[int], Loss], back: bool, count:
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description="Count what repair delivers over lossy links.")
+    parser = argparse.ArgumentParser(description="Measure delivery rates over lossy links.")
     parser.add_argument("--messages", type=int, default=2000, help="of each row (2000)")
     parser.add_argument("--latency", action="store_true", help="measure over sockets instead")
     options = parser.parse_args()
