@@ -34,7 +34,7 @@ _PUBLISHED = _KNOWN.index("published")
 
 
 @dataclass(frozen=True)
-class MissingSpan:
+class MissingInterval:
     """Consecutive readings missing for one cause."""
 
     cause: str
@@ -112,7 +112,7 @@ class StreamCompleteness:
             counts[hole.cause] += hole.readings
         return counts
 
-    def holes(self) -> list[MissingSpan]:
+    def holes(self) -> list[MissingInterval]:
         """Return all missing spans in order of time."""
         begins = np.flatnonzero(np.diff(self._found, prepend=self._found[:1] + 1))
         # Split at the instant up to which reports are complete.
@@ -132,7 +132,7 @@ class StreamCompleteness:
                 else:
                     cause = UNEXPLAINED
             first, last = (self._calendar.nanos(self._first + i) for i in (begin, end - 1))
-            found.append(MissingSpan(cause, first, last, end - begin))
+            found.append(MissingInterval(cause, first, last, end - begin))
         return found
 
 
