@@ -81,7 +81,7 @@ def physics() -> None:
     original = pacer.pacer_for
 
     def pacer_of_episode(
-        scenario: Scenario, episode: int, others: Sequence[str]
+        scenario: Scenario, episode: int, required: Sequence[str]
     ) -> pacer.StepPacer:
         free = next(round_number) % 2
 
@@ -89,7 +89,7 @@ def physics() -> None:
             return lambda tick: TICKS if tick > TICKS else -1 if free else tick - ticks
 
         pacer.window = window  # type: ignore[attr-defined]
-        return original(scenario, episode, others)
+        return original(scenario, episode, required)
 
     episodes.pacer_for = pacer_of_episode  # type: ignore[attr-defined]
     process.run(__main__.NAME, __main__.main)

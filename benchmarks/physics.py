@@ -90,7 +90,7 @@ def encoding_only(scenario: Scenario) -> Publishers:
 
 def tick_us(scenario: Scenario, publishers: Publishers) -> float:
     """Return processor time per tick: the median of some rounds, after one to warm up."""
-    episode = Episode(scenario, RUN, publishers, others=(), wall_nanos=0)
+    episode = Episode(scenario, RUN, publishers, required=(), wall_nanos=0)
     episode.begin(0, 0.0)
     rounds = []
     ticks = round(SECONDS / TICK_SECONDS)

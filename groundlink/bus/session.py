@@ -180,22 +180,22 @@ class Bus:
         """Zenoh id of this session."""
         return str(self._session.zid())
 
-    def publisher_of_bytes(self, key: str, *, kept: int = 0) -> Callable[[bytes, bytes], None]:
+    def publisher_of_bytes(self, key: str, *, cached: int = 0) -> Callable[[bytes, bytes], None]:
         """Return a function that publishes a payload with an attachment under `key`.
 
         Parameters
         ----------
-        kept
+        cached
             size of the cache for subscribers that join later.
         """
         congestion_control = zenoh.CongestionControl.DROP
         publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher
-        if kept:
+        if cached:
             publisher = zenoh.ext.declare_advanced_publisher(
                 self._session,
                 key,
                 congestion_control=congestion_control,
-                cache=zenoh.ext.CacheConfig(kept),
+                cache=zenoh.ext.CacheConfig(cached),
                 sample_miss_detection=zenoh.ext.MissDetectionConfig(
                     heartbeat=HEARTBEAT_SECONDS, sporadic_heartbeat=None
                 ),

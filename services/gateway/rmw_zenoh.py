@@ -154,7 +154,7 @@ class RmwZenohBridge:
             )
             if kind == PUBLISHER:
                 key = data_key(domain, topic, ros_type, type_hash)
-                put = bus.publisher_of_bytes(key, kept=int(is_latched))
+                put = bus.publisher_of_bytes(key, cached=int(is_latched))
                 self._publishers[place] = _Publisher(put, token, is_latched)
             else:
                 key = data_key(domain, topic, ros_type, "*")

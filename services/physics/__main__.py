@@ -51,7 +51,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     listen = options.listen or (None if router else DEFAULT_ENDPOINT)
     with Bus(connect=router, listen=listen, name=NAME) as bus:
         claim = claim_name(bus, run, NAME)
-        physics = PhysicsServer(source, run, bus, others=options.wait_for)
+        physics = PhysicsServer(source, run, bus, required=options.wait_for)
         heartbeat = Heartbeat(bus, run, NAME, claim)
         try:
             _step_until(stop.is_set, physics, heartbeat)

@@ -49,7 +49,7 @@ class Episode:
 
     Parameters
     ----------
-    others
+    required
         processes besides the sensors that a fast run waits for.
     wall_nanos
         wall clock time, which identifies the episode.
@@ -68,11 +68,11 @@ class Episode:
         run: str,
         publish: Publishers,
         *,
-        others: Sequence[str],
+        required: Sequence[str],
         wall_nanos: int,
         epoch_nanos: int | None = None,
     ) -> None:
-        self._run, self.publish, self._others = run, publish, others
+        self._run, self.publish, self._required = run, publish, required
         self._at_start = self.scenario = scenario
         self.world_hash = world_hash(scenario)
         self.worlds = {self.world_hash: scenario}
@@ -93,7 +93,7 @@ class Episode:
             epoch_nanos = scenario.time.epoch_nanos
         self._follows_wall = epoch_nanos is None
         self.epoch_nanos = self.number if epoch_nanos is None else epoch_nanos
-        self.pacer = pacer_for(scenario, self.number, others)
+        self.pacer = pacer_for(scenario, self.number, required)
 
     @property
     def _is_realtime(self) -> bool:
@@ -129,7 +129,7 @@ class Episode:
         self._truths = [
             known.get(v.name) or VehicleTruth(v, self.tick + 1) for v in scenario.vehicles
         ]
-        self.pacer.participants.only((*process_names(scenario), RECORDER, *self._others))
+        self.pacer.participants.only((*process_names(scenario), RECORDER, *self._required))
         self._entries.append(encode_entry(WorldChanged(self.tick, command)))
 
     def process_left(self, process: str) -> None:

@@ -99,12 +99,12 @@ class StepPacer:
         self._held.clear()
 
 
-def pacer_for(scenario: Scenario, episode: int, others: Sequence[str]) -> StepPacer:
+def pacer_for(scenario: Scenario, episode: int, required: Sequence[str]) -> StepPacer:
     """Return the pacer of a scenario's time mode.
 
     Parameters
     ----------
-    others
+    required
         processes besides its sensors and drivers that a run in lockstep waits for.
     """
     time = scenario.time
@@ -118,7 +118,7 @@ def pacer_for(scenario: Scenario, episode: int, others: Sequence[str]) -> StepPa
             most = 0.0
         wall_clock = WallClock(time.factor, at_once, slew=time.catch_up, most_debt_seconds=most)
         return StepPacer(wall_clock, Participants(dict.fromkeys(present, ahead), episode=episode))
-    requirements = dict.fromkeys((*scenario.sensor_names(), *others), ahead)
+    requirements = dict.fromkeys((*scenario.sensor_names(), *required), ahead)
     requirements |= dict.fromkeys(driver_names(scenario), window(DRIVER_WINDOW_TICKS))
     if time.lockstep == "ros":
         requirements[GATEWAY] = barriers(time.ack_ticks)

@@ -47,16 +47,16 @@ class PhysicsServer:
 
     Parameters
     ----------
-    others
+    required
         processes besides the sensors that the run waits for, such as a recorder.
     """
 
     def __init__(
-        self, source: RunSource, run: str, bus: Bus, *, others: Sequence[str] = ()
+        self, source: RunSource, run: str, bus: Bus, *, required: Sequence[str] = ()
     ) -> None:
         scenario, saved, self._followed = source
-        self._started, self._run, self._others = scenario, run, others
-        self._awaited = frozenset(others)
+        self._started, self._run, self._required = scenario, run, required
+        self._awaited = frozenset(required)
         if scenario.time.lockstep == "ros":
             self._awaited |= {GATEWAY}
         self._awaited_until = math.inf
@@ -149,7 +149,7 @@ class PhysicsServer:
         if self._restoration is not None:
             return 0.0
         if now_seconds > self._awaited_until:
-            self._awaited &= frozenset(self._others)
+            self._awaited &= frozenset(self._required)
         if not self._has_begun and not self.missing():
             self._begin()
         if not self._has_begun:
@@ -277,7 +277,7 @@ class PhysicsServer:
         self._player = JournalPlayer(self._followed)
         return Episode(
             *(scenario, self._run, publishers),
-            others=self._others,
+            required=self._required,
             wall_nanos=time.time_ns(),
             epoch_nanos=epoch_nanos,
         )

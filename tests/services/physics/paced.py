@@ -26,14 +26,14 @@ STEP_SECONDS = 50e-6
 class Paced:
     """Physics as its loop runs it, on a machine where nothing else takes time."""
 
-    def __init__(self, time: Time, *, others: Sequence[str] = ()) -> None:
+    def __init__(self, time: Time, *, required: Sequence[str] = ()) -> None:
         self.time = time
-        self.pacer = pacer_for(replace(LAB, time=time), EPISODE, others)
+        self.pacer = pacer_for(replace(LAB, time=time), EPISODE, required)
         self.stall_policy = StallPolicy(time)
         self.lines: list[str] = []
         self.now = 100.0
         self.tick = 0
-        self._followed = dict.fromkeys((*SENSORS, *others), -1.0)
+        self._followed = dict.fromkeys((*SENSORS, *required), -1.0)
 
     def join(self) -> None:
         """Let all have said that they are there, and the first state be told."""

@@ -60,7 +60,7 @@ def test_joint_states_that_are_no_commands_are_refused(body: bytes) -> None:
 
 def test_an_episode_that_is_done_again_moves_its_joints_again(outdoors: Scenario) -> None:
     def episode() -> Episode:
-        made = Episode(outdoors, "run", silent_publishers(), others=(), wall_nanos=10**18)
+        made = Episode(outdoors, "run", silent_publishers(), required=(), wall_nanos=10**18)
         made.begin(0, 0.0)
         return made
 

@@ -78,7 +78,9 @@ class PresentBus(SlowBus):
 
 def test_who_is_there_already_is_not_waited_for() -> None:
     bus: Any = PresentBus(Clocks())
-    physics = process.PhysicsServer(RunSource(load(str(SCENARIO))), "run", bus, others=["recorder"])
+    physics = process.PhysicsServer(
+        RunSource(load(str(SCENARIO))), "run", bus, required=["recorder"]
+    )
     physics.close()
     assert physics.missing() == []
 

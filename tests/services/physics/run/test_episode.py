@@ -22,7 +22,7 @@ LAB = load(SHIPPED / "indoor_lab.yaml")
 @pytest.fixture(params=["fast", "realtime"])
 def episode(request: pytest.FixtureRequest) -> Iterator[Episode]:
     scenario = replace(LAB, time=Time(mode=request.param))
-    episode = Episode(scenario, "run", silent_publishers(), others=(), wall_nanos=EPISODE)
+    episode = Episode(scenario, "run", silent_publishers(), required=(), wall_nanos=EPISODE)
     episode.begin(EPISODE, 0.0)
     yield episode
     episode.end()
@@ -70,7 +70,7 @@ def test_a_run_that_does_not_follow_the_wall_clock_begins_at_the_same_stamp(
     time: Time, begins_nanos: int
 ) -> None:
     episode = Episode(
-        replace(LAB, time=time), "run", silent_publishers(), others=(), wall_nanos=EPISODE
+        replace(LAB, time=time), "run", silent_publishers(), required=(), wall_nanos=EPISODE
     )
     episode.begin(7, 0.0)
     assert episode.epoch_nanos == begins_nanos

@@ -154,7 +154,7 @@ def test_lockstep_keeps_to_the_wall_while_all_follow(factor: float) -> None:
 
 
 def test_fast_goes_as_fast_as_the_slowest() -> None:
-    run = Paced(Time(mode="fast"), others=["recorder"])
+    run = Paced(Time(mode="fast"), required=["recorder"])
     run.join()
     run.run(5.0, times_real={LIDAR: 6.0, "recorder": 40.0})
     assert run.sim_seconds == pytest.approx(30.0, abs=1.1)

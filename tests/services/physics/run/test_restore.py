@@ -41,7 +41,7 @@ def episode_of(
 ) -> Iterator[Episode]:
     episode = Episode(
         *(scenario, "run", publish or silent_publishers()),
-        others=(),
+        required=(),
         wall_nanos=number,
         epoch_nanos=epoch_nanos,
     )
@@ -83,7 +83,7 @@ def states(episode: Episode) -> list[State]:
 def restored(journal: Journal, number: int = 9, publish: Publishers | None = None) -> Episode:
     episode = Episode(
         *(journal.scenario, "run", publish or silent_publishers()),
-        others=(),
+        required=(),
         wall_nanos=number,
         epoch_nanos=journal.epoch_nanos,
     )
@@ -271,7 +271,7 @@ def test_the_journals_of_this_episode_and_the_last_are_kept(scenario: Scenario) 
 
 
 def test_an_episode_that_has_not_begun_has_no_journal(scenario: Scenario) -> None:
-    episode = Episode(scenario, "run", silent_publishers(), others=(), wall_nanos=5)
+    episode = Episode(scenario, "run", silent_publishers(), required=(), wall_nanos=5)
     with pytest.raises(UserError, match="not begun"):
         episode.journal()
     JournalArchive().ends(episode)

@@ -94,7 +94,7 @@ def test_a_gateway_that_skips_ros_is_back_though_ros_may_not_be() -> None:
         ("skip", "gateway (waits for ROS) is responding again after "),
     ):
         time = Time("fast", "ros", overload=overload, deadline_s=DEADLINE)  # type: ignore[arg-type]
-        run = Paced(time, others=[GATEWAY])
+        run = Paced(time, required=[GATEWAY])
         run.join()
         run.run(1.0)
         run.run(DEADLINE + SLACK, times_real={GATEWAY: 0.0})
