@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""NameClaim of speed: what was measured beside the limit that the documents promise.
+"""Performance claim: a measured value and the documented limit.
 
 A claim is a ratio or a count, never a time: those depend on the machine.
 """
@@ -27,13 +27,13 @@ class Claim(NamedTuple):
         return self.value >= self.limit if self.is_at_least else self.value <= self.limit
 
     @property
-    def promise(self) -> str:
+    def limit_text(self) -> str:
         """What is claimed, in words."""
         return f"at {'least' if self.is_at_least else 'most'} {self.limit:g}"
 
     def __str__(self) -> str:
         verdict = "holds" if self.holds else "DOES NOT HOLD"
-        return f"{verdict:13} {self.what}: {self.value:.2f}, claimed {self.promise}"
+        return f"{verdict:13} {self.what}: {self.value:.2f}, claimed {self.limit_text}"
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

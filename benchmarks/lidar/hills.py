@@ -142,7 +142,7 @@ class Hills:
 
 
 def _scenario(vehicles: int) -> Scenario:
-    """Return a scenario of many vehicles in a world of no account."""
+    """Return a scenario of many vehicles in a minimal world."""
     lab = load(SHIPPED / "indoor_lab.yaml")
     rover = lab.vehicles[0]
     wheels = rover.model.wheels[: LINKS - 1]

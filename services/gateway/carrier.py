@@ -137,8 +137,8 @@ class StreamCarrier:
             self._follower.turn(time.monotonic())
             self._gateway.hear_native()
             if self._heartbeat.due():
-                if (following := self._following_scenario(stop)) is not None:
-                    return following
+                if (changed := self._following_scenario(stop)) is not None:
+                    return changed
                 self._beat()
         return None
 

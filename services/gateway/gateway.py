@@ -141,8 +141,8 @@ class Gateway:
             return []
         self.missing_readings.came(key, measured_nanos(message))
         told = [(self._place_in_ros[key], message)]
-        following = self._bases.hear(key, message)
-        told += [((wire_type(type(m)), topic), m) for topic, m, _ in following]
+        derived = self._bases.hear(key, message)
+        told += [((wire_type(type(m)), topic), m) for topic, m, _ in derived]
         return [(place, m) for place, m in told if self.peer in self._send(place, m, link)]
 
     def forward_again(self, told: Sequence[ToRos], link: Link) -> None:

@@ -66,7 +66,7 @@ def test_all_lost_and_changed_messages_are_found(tmp_path: Path) -> None:
     assert deliveries["/imu"].lost == 2
 
 
-def test_accounts_are_read_as_they_were_written(tmp_path: Path) -> None:
+def test_deliveries_are_read_as_they_were_written(tmp_path: Path) -> None:
     deliveries = [TopicDelivery("/imu", 10, 9, 1), TopicDelivery("/scan", 4, 4, 0)]
     write_deliveries(tmp_path / "deliveries.csv", deliveries)
     assert read_deliveries(tmp_path / "deliveries.csv") == deliveries

@@ -166,8 +166,10 @@ def test_its_fault_is_recorded(recording: Path) -> None:
         begin = opened.run.epoch_nanos
     seconds = np.array([(nanos(found.header.stamp) - begin) / 1e9 for found in readings])
     east_t = np.array([found.magnetic_field.x for found in readings])
-    faulty = (seconds >= 1.0) & (seconds < 2.0)
-    assert east_t[faulty].mean() - east_t[~faulty].mean() == pytest.approx(BIAS_T, rel=0.1)
+    during_fault = (seconds >= 1.0) & (seconds < 2.0)
+    assert east_t[during_fault].mean() - east_t[~during_fault].mean() == pytest.approx(
+        BIAS_T, rel=0.1
+    )
 
 
 def test_it_is_verified_converted_drawn_and_reported(installed: Installed, recording: Path) -> None:

@@ -46,11 +46,11 @@ class Run(NamedTuple):
     factor: float
     """Sim seconds for each second of the wall's, from its first clock to its last."""
 
-    accounts: dict[str, StreamCompleteness]
+    streams: dict[str, StreamCompleteness]
 
 
 def recorded(it: Rig, seconds: float) -> Run:
-    """Record a run, with all cores busy, and return its accounts by topic."""
+    """Record a run, with all cores busy, and return its streams by topic."""
     text = it.scenario.read_text(encoding="utf-8")
     sensors = "    sensors:\n"
     assert text.count(sensors) == 1
@@ -78,7 +78,7 @@ def recorded(it: Rig, seconds: float) -> Run:
     with Recording(file) as recording:
         found = gather(recording, lambda share: None)
     factor = (last - first) * 0.0025 / (ended - begun)
-    return Run(factor, {account.topic: account for account in found.completeness})
+    return Run(factor, {stream.topic: stream for stream in found.completeness})
 
 
 @pytest.fixture
@@ -91,25 +91,25 @@ def overloaded(request: pytest.FixtureRequest, tmp_path: Path) -> Run:
 @pytest.mark.parametrize("overloaded", ["skip"], indirect=True)
 def test_skip_keeps_the_pace_and_marks_all_that_it_leaves_out(overloaded: Run) -> None:
     assert overloaded.factor > FULL_PACE
-    for topic, account in overloaded.accounts.items():
-        missing = account.missing()
-        print(topic, account.due, account.published, dict(missing))
-        assert account.due == account.published + missing.total()
+    for topic, stream in overloaded.streams.items():
+        missing = stream.missing()
+        print(topic, stream.due, stream.published, dict(missing))
+        assert stream.due == stream.published + missing.total()
         # What is under way is one second; a sensor that is so far behind may take longer to tell.
-        most_late = 0.02 * account.due if topic.removeprefix("/") in HEAVY else 0
+        most_late = 0.02 * stream.due if topic.removeprefix("/") in HEAVY else 0
         assert missing.pop(UNEXPLAINED, 0) <= most_late, topic
         assert missing.keys() <= {"overloaded", IN_TRANSIT}, topic
     for name in HEAVY:
-        assert overloaded.accounts[f"/{name}"].missing()["overloaded"] > 0
-    assert overloaded.accounts["/imu"].published > 0
+        assert overloaded.streams[f"/{name}"].missing()["overloaded"] > 0
+    assert overloaded.streams["/imu"].published > 0
 
 
 @pytest.mark.parametrize("overloaded", ["slow"], indirect=True)
 def test_slow_leaves_nothing_out_and_takes_longer(overloaded: Run) -> None:
     assert overloaded.factor < FULL_PACE
-    for topic, account in overloaded.accounts.items():
-        missing = account.missing()
-        print(topic, account.due, account.published, dict(missing))
+    for topic, stream in overloaded.streams.items():
+        missing = stream.missing()
+        print(topic, stream.due, stream.published, dict(missing))
         assert missing.keys() <= {IN_TRANSIT}, topic
         # What is under way is the reading, or the revolution, that had not ended.
-        assert account.due - account.published <= 1, topic
+        assert stream.due - stream.published <= 1, topic

@@ -149,16 +149,16 @@ def recorded(spread: Spread) -> RunSummary:
 
 def test_the_sums_add_up_beside_physics(recorded: RunSummary) -> None:
     """Every reading that was due was recorded, or its sensor told why not, or a link lost it."""
-    for account in recorded.accounts:
-        missing = account.missing()
-        print(account.topic, account.due, account.published, dict(missing))
-        assert account.due == account.published + missing.total()
-        assert missing[UNEXPLAINED] * PERIODS_NANOS[account.topic] < UNDER_WAY_SECONDS * 1e9
-        if account.sensor == NEAR:
-            lost = [hole for hole in account.holes() if hole.cause == "states lost"]
+    for stream in recorded.completeness:
+        missing = stream.missing()
+        print(stream.topic, stream.due, stream.published, dict(missing))
+        assert stream.due == stream.published + missing.total()
+        assert missing[UNEXPLAINED] * PERIODS_NANOS[stream.topic] < UNDER_WAY_SECONDS * 1e9
+        if stream.sensor == NEAR:
+            lost = [hole for hole in stream.holes() if hole.cause == "states lost"]
             assert len(lost) == 1, "it lacks what the router's end has cost"
         else:
-            due_in_cut = CUT_SECONDS["sensors"] * 1e9 / PERIODS_NANOS[account.topic]
+            due_in_cut = CUT_SECONDS["sensors"] * 1e9 / PERIODS_NANOS[stream.topic]
             assert missing.total() - missing[IN_TRANSIT] > 0.5 * due_in_cut
 
 

@@ -26,7 +26,9 @@ SONAR = RangeFinder(
 )
 
 
-def account(*published: int, first: int = 0, last: int = 99, told: int = 90) -> StreamCompleteness:
+def completeness(
+    *published: int, first: int = 0, last: int = 99, told: int = 90
+) -> StreamCompleteness:
     """Return one of a recording from one reading to another, with these in it."""
     made = StreamCompleteness(
         *("rover/sonar", "", "/sonar", SONAR),
@@ -59,12 +61,12 @@ def holes(made: StreamCompleteness) -> list[tuple[str, int, int, int]]:
 
 
 def test_of_a_whole_recording_nothing_is_missing() -> None:
-    made = account(*range(100))
+    made = completeness(*range(100))
     assert (made.due, made.published, holes(made)) == (100, 100, [])
 
 
 def test_each_gap_has_its_cause_wherever_it_is() -> None:
-    made = account(*range(10, 40), *range(43, 99))
+    made = completeness(*range(10, 40), *range(43, 99))
     made.add_told(gaps(("not there", 0, 9), ("overloaded", 40, 41)), EPOCH)
     made.add_told(gaps(("states lost", 42, 42)), EPOCH)
     assert holes(made) == [
@@ -77,7 +79,7 @@ def test_each_gap_has_its_cause_wherever_it_is() -> None:
 
 
 def test_what_nobody_told_is_seen() -> None:
-    made = account(*range(20), *range(25, 60))
+    made = completeness(*range(20), *range(25, 60))
     assert holes(made) == [
         (UNEXPLAINED, 20, 24, 5),
         (UNEXPLAINED, 60, 89, 30),
@@ -87,11 +89,11 @@ def test_what_nobody_told_is_seen() -> None:
 
 def test_what_is_in_the_file_was_published_whatever_was_told() -> None:
     """A successor counts from its predecessor's last word, after which more may have gone out."""
-    made = account(*range(50), *range(60, 100))
+    made = completeness(*range(50), *range(60, 100))
     made.add_told(gaps(("restarted", 45, 59)), EPOCH)
     made.add_told(gaps(("overloaded", 45, 59)), EPOCH)
     assert holes(made) == [("restarted", 50, 59, 10)]
-    late = account(*range(60, 100))
+    late = completeness(*range(60, 100))
     late.add_told(gaps(("restarted", 0, 59)), EPOCH)
     for reading in range(10):
         late.add(reading * PERIOD)
@@ -99,20 +101,20 @@ def test_what_is_in_the_file_was_published_whatever_was_told() -> None:
 
 
 def test_other_streams_of_the_sensor_have_gaps_of_their_own() -> None:
-    made = account(*range(5), *range(6, 100))
+    made = completeness(*range(5), *range(6, 100))
     made.add_told(gaps(("off", 5, 5), outputs=("truth",)), EPOCH)
     assert holes(made) == [(UNEXPLAINED, 5, 5, 1)]
 
 
 @pytest.mark.parametrize(("dropped", "cause"), [(4, RECORDER_BEHIND), (3, UNEXPLAINED)])
 def test_what_the_recorder_could_not_take_is_its_own_fault(dropped: int, cause: str) -> None:
-    made = account(*range(30), *range(34, 100))
+    made = completeness(*range(30), *range(34, 100))
     made.dropped(dropped)
     assert holes(made) == [(cause, 30, 33, 4)]
 
 
 def test_a_recording_of_a_part_has_the_sums_of_this_part() -> None:
-    made = account(*range(45, 60), first=40, last=59, told=59)
+    made = completeness(*range(45, 60), first=40, last=59, told=59)
     made.add_told(gaps(("overloaded", 30, 44)), EPOCH)
     assert (made.due, made.published) == (20, 15)
     assert holes(made) == [("overloaded", 40, 44, 5)]

@@ -112,7 +112,7 @@ def test_ranges_are_the_oracles(
     made = rooms.scenario(
         others=hulls(generator), firings_per_revolution=FIRINGS, mount=MOUNT, min_range_m=0.0
     )
-    # Where they start is of no account here, but for being apart.
+    # Their start positions only need to be apart.
     apart = [
         msgspec.structs.replace(v, placement=Placement(x_m=50.0 + 5.0 * i))
         for i, v in enumerate(made.vehicles)

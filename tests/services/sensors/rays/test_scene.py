@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The engine against the oracle, and what it promises besides."""
+"""The engine against the oracle, and its further guarantees."""
 
 from __future__ import annotations
 

@@ -222,15 +222,17 @@ def test_a_state_without_the_wheels_is_refused() -> None:
 def test_a_successor_with_the_memory_goes_on_with_the_same_bytes(rate_hz: float, at: int) -> None:
     random = np.random.default_rng(8)
     left, right = np.cumsum(random.normal(0.001, 0.002, size=(2, 400)), axis=1)
-    faulty = replace(
+    with_faults = replace(
         ENCODERS, missed_ticks=0.05, resets_s=(0.3,), scale_stddev=0.01, slip_stddev=0.05
     )
     run = rolled(left, right)
-    whole = {r.stamp_nanos: encode(r) for r in readings(odometry(faulty, rate_hz=rate_hz), run)}
-    first = odometry(faulty, rate_hz=rate_hz)
+    whole = {
+        r.stamp_nanos: encode(r) for r in readings(odometry(with_faults, rate_hz=rate_hz), run)
+    }
+    first = odometry(with_faults, rate_hz=rate_hz)
     assert isinstance(first, RememberingModel)
     settled = {r.stamp_nanos: encode(r) for r in readings(first, run[: at + 1])}
-    successor = odometry(faulty, rate_hz=rate_hz)
+    successor = odometry(with_faults, rate_hz=rate_hz)
     successor.remember(first.memory())
     later = readings(successor, run[first.settled_tick() :])
     new = {r.stamp_nanos: encode(r) for r in later if r.stamp_nanos not in settled}

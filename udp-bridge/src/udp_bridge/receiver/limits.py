@@ -203,7 +203,7 @@ class SenderTable:
         return not self.memory_bytes and announced_bytes <= self._limits.memory_per_sender
 
     def hold(self, topic: TopicState, key: MessageKey, assembly: Assembly) -> None:
-        """Keep an open message and account for its memory; give up the oldest if it is too much."""
+        """Keep an open message and count its memory; give up the oldest if it is too much."""
         usage, open_key = topic.sender.usage, (topic, key)
         if key not in topic.open:
             limit = self._limits.open_per_topic
