@@ -120,10 +120,10 @@ def test_a_long_answer_reaches_a_session_that_also_serves_queries(
     endpoint: str,
 ) -> None:
     states = [b"%d" % number for number in range(1025)]
-    with Bus(connect=endpoint) as answering, Bus(connect=endpoint) as asking:
+    with Bus(connect=endpoint) as answering, Bus(connect=endpoint) as client:
         answering.serve(KEY, lambda _: states)
-        asking.serve(f"{KEY}/of_its_own", lambda _: [])
-        assert list(asking.query(KEY, seconds=10).values()) == states
+        client.serve(f"{KEY}/of_its_own", lambda _: [])
+        assert list(client.query(KEY, seconds=10).values()) == states
 
 
 def test_presence_shows_who_is_there_and_who_left(endpoint: str) -> None:

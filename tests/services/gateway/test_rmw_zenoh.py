@@ -111,17 +111,17 @@ def test_a_node_sees_hears_and_is_heard(router: str, node: zenoh.Session) -> Non
     tf_key = data_key(3, TF_STATIC[1], tf_type, type_hash_of(tf_type))
     node.declare_subscriber(imu_key, came.append)
     with Bus(connect=router, foreign=True) as bus:
-        facade = RmwZenohBridge(
+        bridge = RmwZenohBridge(
             bus, RmwZenoh(connect=router, domain_id=3), [IMU, TF_STATIC], [CMD_VEL], [TF_STATIC]
         )
-        assert facade.offers(IMU)
-        assert not facade.offers(CMD_VEL)
-        facade.publish((1, "/points"), 5, cdr)  # goes elsewhere
+        assert bridge.offers(IMU)
+        assert not bridge.offers(CMD_VEL)
+        bridge.publish((1, "/points"), 5, cdr)  # goes elsewhere
         for _ in range(3):
-            facade.publish(TF_STATIC, 5, memoryview(b"the transforms"))
+            bridge.publish(TF_STATIC, 5, memoryview(b"the transforms"))
 
         def heard() -> bool:
-            facade.publish(IMU, 5, cdr)
+            bridge.publish(IMU, 5, cdr)
             return len(came) >= 2
 
         wait_for(heard)
@@ -157,7 +157,7 @@ def test_a_node_sees_hears_and_is_heard(router: str, node: zenoh.Session) -> Non
 
         def is_heard() -> bool:
             node.put(twist, b"a twist", attachment=attachment(1, 0, gid))
-            arrived.extend(facade.arrived())
+            arrived.extend(bridge.arrived())
             return bool(arrived)
 
         wait_for(is_heard)

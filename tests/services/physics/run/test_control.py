@@ -55,11 +55,13 @@ class Loop:
 
     def asked(self, text: str, content: bytes = b"") -> ControlAnswer:
         answers: list[bytes] = []
-        asking = threading.Thread(target=lambda: answers.extend(self.control.answer(text, content)))
-        asking.start()
-        while asking.is_alive():
+        query_thread = threading.Thread(
+            target=lambda: answers.extend(self.control.answer(text, content))
+        )
+        query_thread.start()
+        while query_thread.is_alive():
             self.control.execute_pending()
-            asking.join(0.001)
+            query_thread.join(0.001)
         return msgspec.json.decode(answers[0], type=ControlAnswer)
 
     def commanded(self, command: AnyRunCommand, content: bytes = b"") -> ControlAnswer:
