@@ -64,8 +64,8 @@ def test_without_opengl_the_default_scenario_goes_on_without_its_camera(tmp_path
         log = " ".join(it.log("up.log").split())
         assert log.count("install Debian's libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri") == 1
         assert log.count("rover/camera: skipped; the run continues without it") == 1
-        assert f"not kept: {PICTURES}: declared 30 Hz, measured none" in log
-        assert "not kept: /points" not in log
+        assert f"failed: {PICTURES}: declared 30 Hz, measured none" in log
+        assert "failed: /points" not in log
 
 
 def test_a_fast_run_has_every_picture_twice_alike(tmp_path: Path) -> None:

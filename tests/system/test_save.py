@@ -129,7 +129,7 @@ def test_restored_here_and_elsewhere_a_run_goes_on_with_the_same_bytes(tmp_path:
         send_command(bus, RUN, Remove("box"))
         step_to(bus, SAVED_TICK)
         said = command(it, "save", str(file))
-        assert said.startswith(f"run `{RUN}` at tick {SAVED_TICK} (3.0325 s) is in {file}, ")
+        assert said.startswith(f"run `{RUN}`: saved tick {SAVED_TICK} (3.0325 s) to {file}")
         first = quiet(it.witness)
         send_command(bus, RUN, Resume())
         whole = until_the_end(it.witness)
