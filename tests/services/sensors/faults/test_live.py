@@ -100,7 +100,7 @@ def test_to_ask_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("request", "why"),
+    ("asked", "why"),
     [
         ("nonsense", "malformed"),
         ('{"kind":"broken"}', "Invalid value 'broken'"),
@@ -110,10 +110,10 @@ def test_to_ask_changes_nothing() -> None:
         ('{"kind":"occluded_sector","from_deg":0,"to_deg":9}', "does not look around"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(request: str | Fault, why: str) -> None:
+def test_what_cannot_be_is_refused_in_one_line(asked: str | Fault, why: str) -> None:
     bench = Bench()
     bench.take(10)
-    answer = bench.ask(request)
+    answer = bench.ask(asked)
     assert why in answer.error
     assert "\n" not in answer.error
     assert bench.model.faults == ()
