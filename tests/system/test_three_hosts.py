@@ -96,7 +96,7 @@ def spread(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Spread]:
         it.environment["GROUNDLINK_ROUTER"] = f"tcp/{three.addresses['simulator']}:7447"
         run = Spread(three, it, Observer(it, through=three.inside("ros")))
         run.start_router()
-        wait_for(lambda: "listens" in it.log("router.log"), 30, "the router listens")
+        wait_for(lambda: "listening" in it.log("router.log"), 30, "the router listens")
         run.start("simulator", "physics", "services.physics", str(it.scenario))
         for name, module in process_names(load(str(it.scenario))).items():
             if "/" in name:
@@ -133,7 +133,7 @@ def test_a_router_that_is_killed_and_comes_back_is_found_by_all(spread: Spread) 
     router.kill()
     router.wait(10)
     spread.start_router()
-    wait_for(lambda: "listens" in spread.rig.log("router.log"), 30, "the router listens")
+    wait_for(lambda: "listening" in spread.rig.log("router.log"), 30, "the router listens")
     spread.wait_for_topics(time.monotonic())
     spread.assert_nothing_old_is_new()
     spread.wait_for_topics(time.monotonic() + TOLD_SECONDS)
