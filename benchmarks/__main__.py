@@ -4,8 +4,6 @@
 Fails (exit code 1) when a claim does not hold.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

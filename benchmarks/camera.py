@@ -12,8 +12,6 @@ JPEG. Figures are medians. `ratio` compares processor time over all threads, whi
 machine disturbs least; `wall_ratio` compares elapsed time.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import subprocess

@@ -7,8 +7,6 @@ positions of processor time over all threads. `start` is the time from the world
 picture, and `memory` the memory that this adds. Both worlds differ only in their content.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path

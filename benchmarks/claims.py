@@ -4,8 +4,6 @@
 A claim is a ratio or a count, never a time: those depend on the machine.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence

@@ -6,8 +6,6 @@ waits for no process, so an overload shows as missing readings. Processor time a
 engine's figures, counts those that processes publish as health.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

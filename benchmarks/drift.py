@@ -7,8 +7,6 @@ first seconds to the last is the drift. Time may not stretch (`overload: skip`):
 on a busy machine, and that is no drift.
 """
 
-from __future__ import annotations
-
 import argparse
 import socket
 import subprocess

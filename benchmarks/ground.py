@@ -5,8 +5,6 @@ Measures processor time. A vehicle drives in curves on a box, on hills and on th
 mesh; then windows and meshes are built alone, each in a fresh process.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import tempfile

@@ -8,8 +8,6 @@ states, but physics waits for acknowledgements only before the last tick. A loss
 fails the benchmark.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import json

@@ -7,8 +7,6 @@ is processor time of all threads of this process, so the figures hold for one co
 runs.
 """
 
-from __future__ import annotations
-
 import argparse
 import multiprocessing
 import multiprocessing.connection

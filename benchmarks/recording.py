@@ -4,8 +4,6 @@
 Processor time is that of the kernel's accounting; that of a commit is the thread's clock.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -6,8 +6,6 @@ Links and times are simulated and seeded, so the counts are the same on every ma
 benchmark.
 """
 
-from __future__ import annotations
-
 import argparse
 import random
 from collections.abc import Callable

@@ -5,8 +5,6 @@ Each figure is of a new process, after its imports: processor time, and growth o
 memory. The files are generated and removed.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import tempfile

@@ -8,8 +8,6 @@ the sources of the simulator change. `--install` installs a program that experim
 none.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Experiment: its description, its options, and the evaluation of its estimates."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

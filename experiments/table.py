@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Table of experiments for `python -m experiments`."""
 
-from __future__ import annotations
-
 from .experiment import Experiment
 from .studies import guard, indoor_cameras, indoors, live, loss, outdoors, track, transfer
 

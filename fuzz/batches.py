@@ -7,8 +7,6 @@ link, and passes the same datagrams one by one to a second inbox. Messages, coun
 be equal, and no body may change after its delivery. A failure prints the seed that reproduces it.
 """
 
-from __future__ import annotations
-
 import random
 import socket
 import sys

@@ -7,8 +7,6 @@ a body of an honest sender is delivered unchanged and at most once. `sequences` 
 test of `tests/udp_bridge` choose the events.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from udp_bridge import Limits, Message

@@ -7,8 +7,6 @@ sequence of arrivals: sender, pause in units of 10 ms, size as uint16, datagram.
 written to `crash-*`; `python -m fuzz.guided crash-...` repeats it.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import struct

@@ -6,8 +6,6 @@ messages, and mutations of these and of the vectors, from several senders. It pr
 were and the peak memory of the process. A failure prints the seed that reproduces it.
 """
 
-from __future__ import annotations
-
 import argparse
 import gc
 import random

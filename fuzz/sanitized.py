@@ -6,8 +6,6 @@
 default those that exercise the C code most. The installed modules do not change. Needs gcc.
 """
 
-from __future__ import annotations
-
 import importlib.abc
 import importlib.util
 import os

@@ -8,8 +8,6 @@ changed clock, pauses, and forged datagrams of every type. A failing input is wr
 `python -m fuzz.sequences crash-...` repeats it.
 """
 
-from __future__ import annotations
-
 import random
 import sys
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command `groundlink`: run a subcommand; print an error as one line and set the exit code."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

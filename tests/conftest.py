@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What all tests share: plugins, an asset store, and no deadline for generated examples."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import hypothesis

@@ -6,8 +6,6 @@ processors other programs took meanwhile. Above `LIMIT` the test is skipped with
 CI the skip is a failure (`strict_skips.py`).
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Generator, Iterator
@@ -50,7 +48,7 @@ class Usage:
         self.ours = sum(int(field) for f in _family() for field in f[11:15]) / _TICKS
         self._seconds = time.monotonic()
 
-    def others_since(self, begun: Usage) -> float:
+    def others_since(self, begun: "Usage") -> float:
         """Return the share of all processors that other programs took since `begun`."""
         passed = (self._seconds - begun._seconds) * (os.cpu_count() or 1)
         others = (self.all - begun.all) - (self.ours - begun.ours)

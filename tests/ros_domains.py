@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """ROS domains for tests: none is that of a test which runs beside."""
 
-from __future__ import annotations
-
 import itertools
 import os
 

@@ -6,8 +6,6 @@ installed, so a skip there means that something was not built or not found. Only
 `ALLOWED` may be skipped everywhere.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Generator
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The house rules are tests: style, types, the direction of imports, sizes, and honest files."""
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

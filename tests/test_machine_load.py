@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A failure on a busy machine is told with its figure; one on a quiet machine stays a failure."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

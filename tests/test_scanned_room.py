@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scanned room: what is shipped is what its script makes, and all who look at it see it."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A skip fails where every test must run, whichever way it was made."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

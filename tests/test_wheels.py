@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Wheels installed with each extra alone: every command works or names the extra it needs."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -6,8 +6,6 @@ dark corners are holes, there is no ceiling, and one image textures all surfaces
 `scenarios/worlds/scanned_room.glb` (CC0 1.0). The same numpy version writes the same bytes.
 """
 
-from __future__ import annotations
-
 import json
 import struct
 import zlib

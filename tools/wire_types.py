@@ -5,8 +5,6 @@ The source is `udp_bridge.wire.types`. Each file has one block, between two mark
 here. A test compares the blocks and names the file to mend.
 """
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Callable, Iterable
 from pathlib import Path

@@ -5,8 +5,6 @@ Everything runs on this host over loopback, without privileges. Times depend on 
 documents claim ratios; the last lines tell which of them hold.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -4,8 +4,6 @@
 Both end at the shipped ROS 2 node, or at the library where ROS is not measured.
 """
 
-from __future__ import annotations
-
 import os
 import socket
 import time

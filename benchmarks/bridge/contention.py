@@ -5,8 +5,6 @@ Processes cost time, and would cost datagrams if more were in flight than the re
 A Python thread holds the interpreter lock for up to 5 ms at a time.
 """
 
-from __future__ import annotations
-
 import statistics
 from contextlib import closing
 from pathlib import Path

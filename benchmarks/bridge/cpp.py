@@ -6,8 +6,6 @@ alternate. The sustained rate follows from processor time, the kernel's part inc
 rate is limited by the sender and shown for information.
 """
 
-from __future__ import annotations
-
 import statistics
 import subprocess
 from contextlib import closing

@@ -5,8 +5,6 @@ Messages alternate between the transports, so that all see the same load: compar
 order is random, because a transport leaves work (caches, memory to free) to the next one.
 """
 
-from __future__ import annotations
-
 import random
 import statistics
 from collections.abc import Sequence

@@ -5,8 +5,6 @@ Linux runs a classic BPF program of four instructions for each datagram, which n
 Its drops are counted as if the receive buffer had been full.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import socket

@@ -5,8 +5,6 @@
 results hold for any user.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import select

@@ -6,8 +6,6 @@ the time of delivery, in nanoseconds of the host's monotonic clock. It prints af
 returned, so that it does not disturb the measurement.
 """
 
-from __future__ import annotations
-
 import argparse
 import array
 import base64

@@ -5,8 +5,6 @@ It is compared with a lossless link without repair between other processes; the 
 Losses happen in the kernel and cost no time.
 """
 
-from __future__ import annotations
-
 import math
 import statistics
 from contextlib import closing

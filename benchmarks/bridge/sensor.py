@@ -5,8 +5,6 @@ It reads sizes from standard input and prints for each when its publish on the b
 nanoseconds of the host's monotonic clock.
 """
 
-from __future__ import annotations
-
 import random
 import sys
 import time

@@ -5,8 +5,6 @@ Both send as fast as their window allows, both receivers keep one message while 
 arrives, and neither publishes. Rounds alternate, and so does which of the two begins.
 """
 
-from __future__ import annotations
-
 import statistics
 from contextlib import closing
 from pathlib import Path

@@ -5,8 +5,6 @@ Each has its receiver in another process. Bodies are an Image in CDR of the give
 ROS#, which sends the same pixels as JSON, and the C program, which repeats one value.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import random

@@ -9,8 +9,6 @@ and BBR, which mostly ignores random loss. UDP Bridge sends 1 MB as four message
 packets, because it does not fit into 255 of them; a single message would cause IP fragments.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Callable

@@ -6,8 +6,6 @@ its delivery. The link is the project's relay, which loses datagrams, or the net
 measured on, which loses IP packets: there a datagram is lost with any of its fragments.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

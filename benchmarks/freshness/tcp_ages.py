@@ -6,8 +6,6 @@ bodies are neither serialized nor copied, and the processes do nothing else. A m
 time from its stamp until its last byte was read.
 """
 
-from __future__ import annotations
-
 import os
 import socket
 import struct

@@ -6,8 +6,6 @@ between them passes `groundlink.emulation`, as datagrams do in the relay. The ne
 processes. It needs Linux and root, or user namespaces.
 """
 
-from __future__ import annotations
-
 import ctypes
 import fcntl
 import os

@@ -8,8 +8,6 @@ turn; figures are medians, and ratios are medians of the turns' ratios. Times ar
 all threads together, where `elapsed` is not said.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

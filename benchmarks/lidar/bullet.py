@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """PyBullet's rayTestBatch, with one thread, on rays and worlds that were made for it beforehand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Vehicles of a scenario that drive a curve, and the same room in PyBullet."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -5,8 +5,6 @@ The LiDAR's own vehicle is one of the bodies. Their states are made here, and th
 is replaced by one of this terrain; everything else is what a run does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import msgspec

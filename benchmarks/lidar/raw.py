@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Embree called from C, one ray after the other: `raw.c`, compiled with -O3."""
 
-from __future__ import annotations
-
 import ctypes
 import subprocess
 from ctypes import c_char_p, c_float, c_size_t, c_uint, c_void_p

@@ -6,8 +6,6 @@ the project's emulated link. Where probability theory predicts the result it is 
 Delivered bodies are compared byte by byte with those sent.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import random

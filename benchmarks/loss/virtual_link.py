@@ -6,8 +6,6 @@ clock: results are reproducible, and minutes take seconds. Not simulated are the
 and its buffer overflows.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from groundlink.emulation import Impairment, LinkDirection

@@ -7,8 +7,6 @@ both paths in turn, one at a time, so that load of the machine affects both. The
 the ratio of the medians is beyond the claim.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import socket

@@ -5,8 +5,6 @@ A source reads the name of a message from standard input, publishes it and print
 listener prints the time of its callback. Times are of the monotonic clock, in nanoseconds.
 """
 
-from __future__ import annotations
-
 import os
 import random
 import sys

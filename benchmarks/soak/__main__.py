@@ -10,8 +10,6 @@ leaves behind. At intervals traffic stops until nothing is in flight, and the se
 counts are compared with the relay's.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import sys

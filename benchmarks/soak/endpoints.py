@@ -5,8 +5,6 @@ An endpoint executes calls that it receives through a pipe and reports received 
 It never checks results or runs the garbage collector itself.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import queue

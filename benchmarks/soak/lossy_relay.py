@@ -5,8 +5,6 @@ A seeded generator decides about each datagram; none is delayed or reordered. Th
 reference for the sender's delivery counts.
 """
 
-from __future__ import annotations
-
 import random
 import select
 import socket

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Check that the memory of both endpoints is flat, by a least-squares line after the warm-up."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 WARM_UP = 0.3

@@ -4,8 +4,6 @@
 The estimate is aligned at the first pose only, so that errors accumulate.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@
 A file in the environment records what was installed; nothing is done if that is up to date.
 """
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Estimators: run an external program on a recording and evaluate its trajectory."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ The truth is interpolated to the times of the estimate, so that time errors do n
 errors. Both trajectories are of the same frame.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import statistics

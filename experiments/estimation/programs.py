@@ -4,8 +4,6 @@
 None of them is a dependency of Groundlink. pip installs them on first use.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

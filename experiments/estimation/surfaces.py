@@ -4,8 +4,6 @@
 Exact for boxes, cylinders and spheres. Shares no code with the ray caster, which it checks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

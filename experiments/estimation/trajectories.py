@@ -4,8 +4,6 @@
 A line of a TUM file is ``seconds x y z qx qy qz qw``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,12 +35,12 @@ class Trajectory:
         """Length of the path."""
         return float(np.linalg.norm(np.diff(self.positions_m, axis=0), axis=1).sum())
 
-    def between(self, first_s: float, last_s: float) -> Trajectory:
+    def between(self, first_s: float, last_s: float) -> "Trajectory":
         """Return the part from one time to another."""
         keep = (self.seconds >= first_s) & (self.seconds <= last_s)
         return Trajectory(self.seconds[keep], self.positions_m[keep], self.orientations[keep])
 
-    def at(self, seconds: Array) -> Trajectory:
+    def at(self, seconds: Array) -> "Trajectory":
         """Return poses at other times: linear in position, normalized linear in rotation.
 
         Times outside of the trajectory are left out. Between two poses of a truth at 100 Hz the
@@ -58,7 +56,7 @@ class Trajectory:
         turns = nlerp(self.orientations[after - 1], self.orientations[after], share)
         return Trajectory(wanted, positions, turns)
 
-    def seen_from(self, body_from_frame: Sequence[float]) -> Trajectory:
+    def seen_from(self, body_from_frame: Sequence[float]) -> "Trajectory":
         """Return world_from_frame where this is world_from_body.
 
         Parameters

@@ -5,8 +5,6 @@ Training and test scenes differ: indoor studies use pictures of the hamlet, outd
 the room. A vocabulary is trained once for each recording.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from experiments.experiment import ExperimentOptions

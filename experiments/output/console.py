@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Console output of experiments: permanent lines and one progress line."""
 
-from __future__ import annotations
-
 import sys
 import time
 

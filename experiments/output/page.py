@@ -5,8 +5,6 @@ Each table of the page is generated from the CSV file beside it, between the mar
 and `<!-- end of NAME -->`. Tables and figures that the page shows are copied into docs/experiments.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import math

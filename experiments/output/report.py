@@ -4,8 +4,6 @@
 Written anew after each experiment; docs/experiments.md explains the results.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from experiments.table import EXPERIMENTS

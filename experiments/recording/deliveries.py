@@ -4,8 +4,6 @@
 Messages in transit at the edges of the bag are ignored.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 from collections import Counter

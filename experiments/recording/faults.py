@@ -4,8 +4,6 @@
 A fault changes messages of one type by a pure function; all other bytes stay.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

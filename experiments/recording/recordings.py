@@ -5,8 +5,6 @@ A recording is made once; its folder name holds a digest of everything it depend
 recorded as well, so messages missing or changed in the bag are counted.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -10,8 +10,6 @@ earlier messages. It ends at SECONDS of sim time and prints its progress as a li
 second.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

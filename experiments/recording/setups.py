@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Setups: a shipped scenario with the changes of an experiment."""
 
-from __future__ import annotations
-
 import copy
 import hashlib
 import math
@@ -86,7 +84,7 @@ class Setup:
         """Whether the run waits for ROS, so that the bag must be complete."""
         return self.time.get("lockstep") == "ros"
 
-    def varied(self, vary: Mapping[str, Changes]) -> Setup:
+    def varied(self, vary: Mapping[str, Changes]) -> "Setup":
         """Return the setup with changed fields of sensors.
 
         Raises

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ground truth and mounts of a run, from its recording. No estimator gets them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

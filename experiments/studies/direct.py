@@ -6,8 +6,6 @@ the error of stamps, point times and ranges. The IMU is compared with the true m
 code with the ray caster.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

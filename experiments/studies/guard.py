@@ -6,8 +6,6 @@ grows clearly; a direct test, if a quantity leaves its tolerance. The experiment
 missed, or reported where there is none.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@
 Room and robot of `indoors`, on a route with half circles instead of turns on the spot.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -4,8 +4,6 @@
 The shipped `indoor_paper` for one lap and some meters. Each run has the sensors its program takes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

@@ -4,8 +4,6 @@
 The shipped `indoor_paper` in real time. The poses that returned on the bus are evaluated.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import random

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effect of a lossy link on SLAM: the same drive in real time over links that lose datagrams."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Section 6.4 of the paper: a tank on a road through a hamlet, with LiDAR and IMU or a camera."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

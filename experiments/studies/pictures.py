@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """ORB-SLAM3 on a drive with a camera."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Sequence

@@ -9,8 +9,6 @@ and where on the vehicle. Fields are those of the scenario, values are YAML:
         --vary 'scanner.datasheet=[sensors/utm30lx.yaml, sensors/lms111.yaml]'
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import json

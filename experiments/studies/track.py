@@ -5,8 +5,6 @@ An ideal LiDAR and one with the errors of its data sheet measure the same drive.
 drive outdoors shows the effect of the duration of a sweep.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, fields, replace
 from typing import Any

@@ -4,8 +4,6 @@
 `benchmarks.bridge` measures and draws the paper's Figure 9.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Client of a run's control queryable: send a run command to physics, return its answer."""
 
-from __future__ import annotations
-
 import msgspec
 
 from groundlink.core.errors import UserError

@@ -5,8 +5,6 @@
 loads this module alone.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from enum import Enum
 

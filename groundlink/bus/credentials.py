@@ -5,8 +5,6 @@
 process ends with an error. Contents of the files are never printed.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping

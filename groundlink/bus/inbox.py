@@ -4,8 +4,6 @@
 `put` runs on a thread of Zenoh and only stores bytes. Decoding happens in the reading thread.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import Counter, deque

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keys of the queryables of a run. Keys of streams are in `topics`. No other module writes keys."""
 
-from __future__ import annotations
-
 from .core_topics import ROOT
 from .topics import FAULTS
 

@@ -5,8 +5,6 @@ Generated from the table of topics and the message classes. The meaning of a fie
 in the source. The text is part of `docs/bus.md`.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import textwrap

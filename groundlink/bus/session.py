@@ -7,8 +7,6 @@ find each other by gossip change routes while data flows, and lost up to 12 stat
 run. An open session blocks the exit of its process, so a `Bus` is a context manager.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -121,7 +119,7 @@ class Bus:
     def _on_connection(self, event: zenoh.TransportEvent) -> None:
         self._connections += event.kind == zenoh.SampleKind.PUT
 
-    def __enter__(self) -> Bus:
+    def __enter__(self) -> "Bus":
         return self
 
     def __exit__(

@@ -5,8 +5,6 @@ Keys, message types and rates are defined only here. Liveness checks, the comman
 topics`, the reference in `docs/bus.md` and tests are derived from the table.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

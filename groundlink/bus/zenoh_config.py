@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Zenoh settings of the bus that differ from Zenoh's defaults, with reasons. Plain data."""
 
-from __future__ import annotations
-
 import random
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Table of commands and parser of the command line."""
 
-from __future__ import annotations
-
 import argparse
 
 from groundlink import __version__

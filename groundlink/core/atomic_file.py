@@ -4,8 +4,6 @@
 An interrupted or killed command, or a full disk, leaves no partial file under the final name.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Iterator

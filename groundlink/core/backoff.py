@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Backoff: when to ask again whether a message was lost. Time is an argument."""
 
-from __future__ import annotations
-
 FIRST_SECONDS = 2.0
 MAX_SECONDS = 60.0
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sim time: integer nanoseconds, ticks of 2.5 ms and exact schedules. Reads no clock."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -31,7 +29,7 @@ class Schedule:
     rate_hz: Fraction
 
     @classmethod
-    def at(cls, rate_hz: float) -> Schedule:
+    def at(cls, rate_hz: float) -> "Schedule":
         """Return the schedule of a rate from a scenario."""
         return cls(exact(rate_hz))
 

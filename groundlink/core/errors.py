@@ -5,8 +5,6 @@ The entry point of a command or process prints the line and exits with the error
 code catches these errors.
 """
 
-from __future__ import annotations
-
 import difflib
 import errno
 from collections.abc import Collection, Iterable

@@ -4,8 +4,6 @@
 Commands and processes import optional packages inside `needs`; the rest works without them.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -4,8 +4,6 @@
 Plain data: each value serializes to the same bytes on every machine.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from msgspec import Meta, Struct

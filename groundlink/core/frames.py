@@ -5,8 +5,6 @@ Names chain: ``point_in_world = world_from_body @ point_in_body``. Quaternions a
 length. Angles are radians. Roll, pitch and yaw rotate about fixed x, y, z (REP 103).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

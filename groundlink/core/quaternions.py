@@ -5,8 +5,6 @@ The conventions are those of `groundlink.core.frames`, on plain floats: for one 
 costs ten times as much as the arithmetic.
 """
 
-from __future__ import annotations
-
 import math
 
 from groundlink.core.fields import Quaternion, Vector3

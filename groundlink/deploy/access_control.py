@@ -7,8 +7,6 @@ vehicle command it. Only the operator, and ROS through the gateway, control the 
 operator injects faults. A subject is the common name of a certificate, which is the process name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 

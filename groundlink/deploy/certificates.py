@@ -5,8 +5,6 @@ Keys are of the curve P-256. The authority's own key is not stored, so a further
 requires a new set. Uses the library `cryptography`.
 """
 
-from __future__ import annotations
-
 import datetime
 import ipaddress
 from collections.abc import Sequence

@@ -5,8 +5,6 @@
 command lines.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

@@ -5,8 +5,6 @@ Imported by the scenario, the gateway and the relay. Pure: time is an argument; 
 threads.
 """
 
-from __future__ import annotations
-
 from .model import LinkDirection
 from .script import LinkEvent, LinkScript, ScriptPlayer, changed
 from .settings import Impairment

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Command line of the relay: one option for each direction and field of `Impairment`."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from typing import Any

@@ -7,8 +7,6 @@ outcome: datagrams + duplicated = lost + outage + rate_limited + corrupted + ove
 waiting.
 """
 
-from __future__ import annotations
-
 import hashlib
 import heapq
 import math

@@ -5,8 +5,6 @@ An event names only the fields that change. A script is checked completely when 
 changes during a run pass the same checks.
 """
 
-from __future__ import annotations
-
 import difflib
 from typing import Annotated, Any
 

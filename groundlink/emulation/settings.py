@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Impairments of one direction of a link: fields of scenarios, options and live changes."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from msgspec import Meta

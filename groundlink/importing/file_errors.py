@@ -4,8 +4,6 @@
 Libraries fail in many ways on broken files; every failure becomes a `BadFile` with one line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -4,8 +4,6 @@
 The declared size is checked before a picture is decoded; color pictures are refused.
 """
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass
 from pathlib import Path

@@ -6,8 +6,6 @@ a picture, GeoTIFF or ESRI grid is the northern one; that of a .npy file is the 
 has between 2 x 2 and 134 million heights.
 """
 
-from __future__ import annotations
-
 import re
 import warnings
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ between processors. Each octave is white noise on a coarse grid under a uniform 
 which is smooth to the second derivative and has little energy below its own wavelength.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

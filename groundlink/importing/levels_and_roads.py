@@ -5,8 +5,6 @@ Each edit changes only the area around it, so a road costs its length and not th
 Parts beyond the map are cut off.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

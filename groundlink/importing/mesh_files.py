@@ -6,8 +6,6 @@ read only from its own folder and from the folder that the caller trusts, after 
 an untrusted mesh cannot read other files.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import warnings

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Schema of a mesh file in a world or vehicle file."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from msgspec import Meta

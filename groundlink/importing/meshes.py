@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mesh import: checks a mesh file, converts it to meters with z up, and stores its asset."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -5,8 +5,6 @@ Positions and colors are read, other fields ignored. Format: Point Cloud Library
 Cloud Data) file format", version 0.7.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

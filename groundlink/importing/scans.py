@@ -6,8 +6,6 @@ disc is the least principal axis of the points around it (Hoppe et al. 1992); it
 since rays meet both sides.
 """
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

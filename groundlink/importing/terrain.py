@@ -4,8 +4,6 @@
 Level areas are applied first, then roads. Material rules see the ground before roads.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@
 Heights are in meters above `at_m`; positions are in the world.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from msgspec import Meta

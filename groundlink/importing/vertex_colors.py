@@ -6,8 +6,6 @@ Each face gets the mean color of its corners, with 32 levels a channel. The pict
 mixes no colors.
 """
 
-from __future__ import annotations
-
 from io import BytesIO
 from math import ceil, sqrt
 

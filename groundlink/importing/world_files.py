@@ -5,8 +5,6 @@ The world is moved so that a vehicle can spawn at the origin: on the ground in t
 map, or below the middle of the mesh.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

@@ -4,8 +4,6 @@
 The origin of the addition is put on the ground at the given place.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection
 from math import cos, isnan, radians, sin

@@ -5,8 +5,6 @@ A description with `file`, or one of generated hills, is replaced by its resolve
 values stay as they are. Files are looked up beside the file that names them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

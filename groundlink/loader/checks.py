@@ -4,8 +4,6 @@
 The scenario fits the schema already; the document only supplies the file and line of a mistake.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ A data sheet is found by its folder and listed nowhere else. Fields that it leav
 defaults or are stated by the scenario.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, NamedTuple
 

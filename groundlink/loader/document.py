@@ -4,8 +4,6 @@
 A path is a tuple of keys and indices. A value included from another file keeps that file's lines.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
@@ -62,7 +60,7 @@ class Document:
                 return None
         return value
 
-    def alone(self, path: DataPath) -> Document:
+    def alone(self, path: DataPath) -> "Document":
         """Return the value at `path` as a document of its own, under its last key."""
         name = path[-1]
         part = Document({name: self.at(path)}, {(): self.mark(path)})
@@ -71,7 +69,7 @@ class Document:
                 part.marks[(name, *inner[len(path) :])] = mark
         return part
 
-    def put(self, path: DataPath, part: Document) -> None:
+    def put(self, path: DataPath, part: "Document") -> None:
         """Replace the value at `path` by another document and its marks."""
         around = self.at(path[:-1])
         around[path[-1]] = part.value

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Schema conversion with error lines that name file, line, field and the nearest valid word."""
 
-from __future__ import annotations
-
 import re
 from typing import Any, TypeVar
 

@@ -6,8 +6,6 @@ names of other files and mounts, data sheets, terrain and mesh files. An editor 
 with them; `load` finds all.
 """
 
-from __future__ import annotations
-
 import json
 import typing
 from collections.abc import Iterable

@@ -6,8 +6,6 @@ namespace. A single vehicle has neither namespace nor prefix. With several vehic
 the vehicle's name.
 """
 
-from __future__ import annotations
-
 import re
 
 from groundlink.loader.document import DataPath, Document, ScenarioError

@@ -4,8 +4,6 @@
 The keys of a file decide what it describes. A vehicle alone stands in a plain world.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from enum import Enum
 from pathlib import Path

@@ -6,8 +6,6 @@ resolved scenario holds their places. A random place on a road, in a pond, on a 
 place or too close to another object is drawn again.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 from zlib import crc32
 

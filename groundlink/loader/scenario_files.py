@@ -4,8 +4,6 @@
 References are followed first, then the whole is checked against the schema, then across fields.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

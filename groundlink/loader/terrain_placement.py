@@ -5,8 +5,6 @@ Heights become numbers here, once: no reader of a resolved scenario needs the te
 object. `groundlink.scene.spawn_pose` places vehicles.
 """
 
-from __future__ import annotations
-
 import math
 
 import msgspec

@@ -4,8 +4,6 @@
 Each option has the name of a field of `Time`, whose type also checks the value.
 """
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

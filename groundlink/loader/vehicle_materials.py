@@ -4,8 +4,6 @@
 A material of the world takes precedence. Two vehicles may share a name only for the same material.
 """
 
-from __future__ import annotations
-
 from .document import DataPath, Document, ScenarioError
 
 

@@ -7,8 +7,6 @@ error. Stamps are instants of measurement in nanoseconds: the run's epoch plus s
 ranges are in `imagery`; poses, maps and transforms are in `navigation`.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, TypeVar
 
 import msgspec

@@ -5,8 +5,6 @@ They have no errors and therefore no covariances. The true motion of a vehicle a
 the messages of `navigation`.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

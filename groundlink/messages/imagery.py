@@ -6,8 +6,6 @@ fields, such as the last angle of a scan, are left out. The encoding field defin
 module does not interpret them.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from msgspec import Meta

@@ -6,8 +6,6 @@ Readings that a fault suppresses are reported too, with the kind of the fault as
 Published and missing readings therefore add up to the readings due.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Literal, get_args
 

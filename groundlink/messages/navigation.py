@@ -5,8 +5,6 @@ They have the fields of the ROS types, with units in the names. A covariance has
 all zeros mean unknown. Ground truth without errors has zeros too.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from msgspec import Meta, Struct

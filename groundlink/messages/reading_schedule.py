@@ -5,8 +5,6 @@ The model that makes a reading, the process that reports it missing and the repo
 use the same schedule. Faults, delays and failures do not change which readings are due.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from typing import Protocol
 

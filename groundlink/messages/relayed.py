@@ -4,8 +4,6 @@
 `groundlink.ros.cdr` checks that the CDR is a valid message of its type.
 """
 
-from __future__ import annotations
-
 from .base import BusMessage
 
 

@@ -4,8 +4,6 @@
 Counters are integers by name. The names of stall counters are private to this module.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -52,7 +50,7 @@ class Stalls:
         }
 
     @classmethod
-    def read(cls, counters: Mapping[str, int]) -> Stalls:
+    def read(cls, counters: Mapping[str, int]) -> "Stalls":
         """Return the stalls from counters of physics; empty for counters of other processes."""
 
         def seconds(prefix: str) -> dict[str, float]:

@@ -5,8 +5,6 @@ Energies are sums since the start of the run; contacts are those since the last 
 wheels with the ground is not included.
 """
 
-from __future__ import annotations
-
 from msgspec import Struct
 
 from .base import BusMessage

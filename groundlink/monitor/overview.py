@@ -5,8 +5,6 @@ Health messages, changes of presence and wall time are arguments. The result is 
 `groundlink top` shows or prints as JSON.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field

@@ -5,8 +5,6 @@ Health messages and wall time are arguments. The dashboard and the report comput
 themselves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

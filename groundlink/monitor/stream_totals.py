@@ -5,8 +5,6 @@ A gateway counts from its start, so its counts drop at a restart. The last repor
 gateway is added.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from msgspec.structs import replace

@@ -6,8 +6,6 @@ lacks something, 4: the scenario ended the run) and children that crash at every
 outlives the supervisor.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import signal

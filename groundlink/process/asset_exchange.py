@@ -6,8 +6,6 @@ block other answers. An asset is stored under the digest of its received content
 requested digest, joining the run fails.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Any
 

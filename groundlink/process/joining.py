@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Join a run: fetch its scenario and its assets, and publish the process's health."""
 
-from __future__ import annotations
-
 import os
 import socket
 import sys

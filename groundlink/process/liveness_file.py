@@ -4,8 +4,6 @@
 The health check of a container inspects the age of the file only.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path

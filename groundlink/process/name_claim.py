@@ -11,8 +11,6 @@ continues. NameClaim start with the time, so with synchronized clocks that is th
 which the rest of the run has joined. NameClaim end with their sessions; nothing is stored.
 """
 
-from __future__ import annotations
-
 import random
 import time
 
@@ -38,7 +36,7 @@ def claims_key(run: str, process: str) -> str:
     return f"{ROOT}/{run}/claims/{process}"
 
 
-def claim_name(bus: Bus, run_name: str, process: str) -> NameClaim:
+def claim_name(bus: Bus, run_name: str, process: str) -> "NameClaim":
     """Return the claim once no other process of this name is in the run.
 
     Waits for a process that was cut off, which stays visible until its lease ends.

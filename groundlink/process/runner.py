@@ -5,8 +5,6 @@ Exit codes: 0 on SIGINT and SIGTERM; 2 for an error that the user can fix; 3 if 
 something; 4 if the scenario ends the run. Codes 2 to 4 come with one line on stderr.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import signal

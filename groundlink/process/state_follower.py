@@ -5,8 +5,6 @@ The bus loses states while a process is cut off, as after a suspension longer th
 s. Physics keeps them, so a process that physics waits for can fetch them.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol

@@ -6,8 +6,6 @@ is read along with the run, so memory does not grow with its length. Messages mi
 cause, and messages in transit at the edges of the recording, are counted and are no difference.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
@@ -122,7 +120,7 @@ class Comparison:
             topic.give_up(self._extent.end_nanos)
         return [topic.verdict for _, topic in sorted(self._topics.items())]
 
-    def _judge_new(self, found: _Topic, topic: str, nanos: int) -> None:
+    def _judge_new(self, found: "_Topic", topic: str, nanos: int) -> None:
         verdict = found.verdict
         if cause := self._left_out(topic, nanos):
             verdict.left_out[cause] = verdict.left_out.get(cause, 0) + 1
@@ -143,7 +141,7 @@ class Comparison:
             if recorded.nanos < self._extent.end_nanos:
                 self._topic(recorded.topic, recorded.ros_type).expect(recorded.nanos, recorded.cdr)
 
-    def _topic(self, name: str, ros_type: str) -> _Topic:
+    def _topic(self, name: str, ros_type: str) -> "_Topic":
         found = self._topics.get(name)
         if found is None:
             found = self._topics[name] = _Topic(TopicComparison(topic=name, type=ros_type))

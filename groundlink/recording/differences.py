@@ -5,8 +5,6 @@ Fields are compared in the order of the definition, numbers by their bits: NaN e
 differs from 0. Point clouds and images are compared point by point and pixel by pixel.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import struct
 from collections.abc import Iterator, Mapping, Sequence

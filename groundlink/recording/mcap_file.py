@@ -7,8 +7,6 @@ file lacks its end only while some kilobytes are written. Records come from the 
 whose own `Writer` would rebuild the whole summary for each commit.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 import zlib

@@ -7,8 +7,6 @@ records hold the time up to which the recording is complete, and the messages dr
 recorder.
 """
 
-from __future__ import annotations
-
 import platform
 import re
 from collections.abc import Mapping

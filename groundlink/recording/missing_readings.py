@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Missing readings of a recorded run, with the causes that its sensors reported."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator

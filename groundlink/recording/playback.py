@@ -6,8 +6,6 @@ other messages at their stamp. A clock precedes messages due at the same time; n
 the first clock.
 """
 
-from __future__ import annotations
-
 import heapq
 import itertools
 from collections.abc import Iterable, Iterator

@@ -5,8 +5,6 @@ Memory does not grow with the file. A damaged file raises `UserError` with one l
 stay CDR.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator, Sequence
 from functools import cached_property
@@ -104,7 +102,7 @@ class Recording:
         }
         """ROS type by declared topic."""
 
-    def __enter__(self) -> Recording:
+    def __enter__(self) -> "Recording":
         return self
 
     def __exit__(

@@ -5,8 +5,6 @@ Messages are converted one by one, so memory does not grow with the file. Defini
 ROS Noetic; types that Noetic lacks are registered here, and fields added by ROS 2 are dropped.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

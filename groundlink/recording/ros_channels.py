@@ -5,8 +5,6 @@ QoS policies are written as numbers, which every rosbag2 since Humble reads; the
 `rosbag2` tells newer versions to expect numbers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -74,7 +72,7 @@ class RosFile:
         self._schemas: dict[str, int] = {}
         self._topics: dict[tuple[str, str], RecordedTopic] = {}
 
-    def topic(self, name: str, ros_type: str, *, latched: bool = False) -> RecordedTopic:
+    def topic(self, name: str, ros_type: str, *, latched: bool = False) -> "RecordedTopic":
         """Return the topic of a name and type, declared at the first call."""
         known = self._topics.get((name, ros_type))
         if known is None:
@@ -88,7 +86,7 @@ class RosFile:
             known = self._topics[name, ros_type] = RecordedTopic(self.mcap, channel, name, ros_type)
         return known
 
-    def topics(self) -> list[RecordedTopic]:
+    def topics(self) -> list["RecordedTopic"]:
         """Return all topics in order of declaration."""
         return list(self._topics.values())
 

@@ -4,8 +4,6 @@
 Everything is derived from the recording; nothing is run here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import msgspec

@@ -7,8 +7,6 @@ the output; the output is not on the bus. If a vehicle has several encoders or w
 only the first is used, since a frame has one parent and a joint one angle.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import NamedTuple, TypeVar

@@ -5,8 +5,6 @@ The gateway, recorder, replay and viewer share this table. It includes the messa
 sensor kinds define.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 from functools import partial

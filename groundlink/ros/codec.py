@@ -5,8 +5,6 @@ Each family of messages has a module with its codecs; `groundlink.ros.cdr` has t
 checks at the end are for messages from untrusted senders.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ The array has a status for each process and for each stream that a gateway repor
 key-value pair of text. The level is a warning if messages were lost or readings are missing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

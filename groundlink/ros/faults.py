@@ -6,8 +6,6 @@ pair: its number, and its fields as JSON. Recordings can therefore be played wit
 groundlink_msgs.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgspec

@@ -6,8 +6,6 @@ same stamp. These transforms are not in the tf tree: their frames are neither a 
 stack's.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Codecs of images, camera calibrations, laser scans and ranges."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -7,8 +7,6 @@ gateway uses `udp_bridge.wire.fragments`, which this module does not import; a t
 two.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

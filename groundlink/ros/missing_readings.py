@@ -5,8 +5,6 @@ The array has one status with the level warning. Each gap is a key-value pair: i
 fields as JSON. Recordings can therefore be played without the package groundlink_msgs.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Codecs of the clock, velocity commands, IMU samples and wheel counters."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 

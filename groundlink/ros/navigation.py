@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Codecs of poses, odometry, maps, transforms, joint states, texts and satellite fixes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Codecs of point clouds: sensor_msgs/PointCloud2 with the fields of the records."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

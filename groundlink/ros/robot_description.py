@@ -9,8 +9,6 @@ angle. Masses are left out, since KDL does not support a root link with inertia.
 by its bounding box.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from math import isinf
 from xml.etree import ElementTree

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Helpers for diagnostic_msgs/DiagnosticStatus: a level and key-value pairs of text."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -6,8 +6,6 @@ physics use this module. Physics must not load ROS types, so nothing here import
 `groundlink.ros.cdr`, which converts the messages.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ Input is odometry and ground truth. Each transform is returned as soon as the gr
 instant is known.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator
 

@@ -5,8 +5,6 @@ ROS types come from definitions (`rosbags`), so no ROS installation is needed. T
 independent of the messages of the bus.
 """
 
-from __future__ import annotations
-
 import struct
 from functools import cache
 from typing import Any

@@ -5,8 +5,6 @@ The array has one status. Each figure is a key-value pair of text; the values of
 battery are JSON. Recordings can therefore be played without the package groundlink_msgs.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgspec

@@ -5,8 +5,6 @@ A command is JSON in a query of `control_key`; the reply is JSON as well. Physic
 between two ticks. During a pause, sensors receive no states.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import msgspec

@@ -5,8 +5,6 @@ A report holds all faults that are in effect from its stamp until the next repor
 end of a fault are therefore the stamps of two reports.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from msgspec import Struct

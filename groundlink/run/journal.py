@@ -7,8 +7,6 @@ acknowledgements, as after a crash. On the bus and in files a journal is a line 
 MessagePack; it contains data only, no code.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import platform
@@ -101,7 +99,7 @@ class Platform(Struct, frozen=True):
     processor: str
     versions: dict[str, str]
 
-    def differences(self, other: Platform) -> str:
+    def differences(self, other: "Platform") -> str:
         """Return what differs from another platform, as text; empty if equal."""
         found = [self.processor] if self.processor != other.processor else []
         for name, version in self.versions.items():
@@ -150,7 +148,7 @@ class Journal(Struct, frozen=True, kw_only=True):
         remaining = tuple(v for v in self.scenario.vehicles if v.name not in removed)
         return replace(self.scenario, vehicles=remaining)
 
-    def followed_by(self, later: Journal) -> Journal:
+    def followed_by(self, later: "Journal") -> "Journal":
         """Return a later journal of the same episode, with its omitted entries from this one.
 
         Raises

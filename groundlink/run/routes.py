@@ -5,8 +5,6 @@ A figure starts at the base of the vehicle, along its heading. Waypoints are wor
 line includes the path to the first one.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import cos, pi, sin
 

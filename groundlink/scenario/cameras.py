@@ -4,8 +4,6 @@
 `Optics` has the fields that all kinds of cameras share.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, ClassVar, Literal
 

@@ -5,8 +5,6 @@ A sensor of an unknown kind becomes an `UnknownSensor`. It keeps its position in
 has no streams on this machine. Encoding it again gives the original sensor.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import msgspec

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scenario fields of depth cameras and stereo pairs; the defaults describe ideal devices."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from msgspec import Meta

@@ -5,8 +5,6 @@ Each kind adds its own fields in `sensors.py`, `lidars.py` and `cameras.py`. Ang
 in the units that their names state; the code that uses them converts them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks that a sensor can have a fault, beyond what the types of faults state."""
 
-from __future__ import annotations
-
 from groundlink.core.errors import did_you_mean
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.faults import EACH_WHEEL, Disturbance, Fault, OccludedSector, RateChange

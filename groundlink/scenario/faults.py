@@ -6,8 +6,6 @@ first tick at or after its begin. It affects the readings measured (stamped) at 
 and before its end. Its effects are in `services/sensors/faults/effects.py`.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import Annotated, ClassVar, NamedTuple, get_args

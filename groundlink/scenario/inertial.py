@@ -5,8 +5,6 @@ A field at its default of zero means no error. Quantities are in the unit of the
 (m/s^2, rad/s). `services.sensors.imu.errors` computes the errors.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Annotated
 

@@ -5,8 +5,6 @@ A servo holds each joint at its commanded position. The links have no mass of th
 chassis includes their weight; moving them does not push the base. They do not collide.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import cos, hypot, sin
 from typing import Literal

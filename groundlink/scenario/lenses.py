@@ -5,8 +5,6 @@ The defaults are ideal: a pinhole, and all pixels exposed at one instant without
 on pictures are in `services.sensors.rendering`: `lens`, `shutter` and `imager`.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from msgspec import Meta

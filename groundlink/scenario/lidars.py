@@ -5,8 +5,6 @@ Consistency between fields is checked here, so that the loader reports a mistake
 before any process starts.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal

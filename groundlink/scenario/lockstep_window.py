@@ -7,8 +7,6 @@ resumes where its oldest measurement in progress began (a revolution, an exposur
 a fault delays), and physics keeps only its last `HISTORY_TICKS` states.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

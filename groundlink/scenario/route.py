@@ -5,8 +5,6 @@ Each kind of route is a class; its tag is the kind. `groundlink.run.routes` comp
 floor. The driver process follows it.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from msgspec import Meta

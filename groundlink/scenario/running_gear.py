@@ -5,8 +5,6 @@ Each kind of drive is a class; its tag is the kind. A drive defines which wheels
 which shafts have a motor. Physics computes the motion of wheels and ground contact.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import radians, tan

@@ -6,8 +6,6 @@ through the entry-point group `groundlink.sensors`. Topics, schemas, processes, 
 and drawings are derived from this registry.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache

@@ -5,8 +5,6 @@ Each kind is a class. Its tag is the kind, and the kind is the name of the proce
 `services/sensors`. A data sheet is a file of these fields; fields of the scenario override it.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np

@@ -7,8 +7,6 @@ level ground all wheels touch the ground, except those that are mounted higher o
 at the ends of a track.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from msgspec import Meta, field

@@ -9,8 +9,6 @@ A link is named `vehicle/link`; actors and solids have their own names. Names ar
 `build.solids` refuses duplicates.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from groundlink.scenario.schema import Scenario

@@ -5,8 +5,6 @@ Physics and every replica build the world independently and compare hashes. The 
 therefore be identical to the bit on every machine. Vehicles are not part of the built solids.
 """
 
-from __future__ import annotations
-
 import difflib
 import hashlib
 import math

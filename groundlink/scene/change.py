@@ -6,8 +6,6 @@ converted to plain solids, so that it keeps its positions. An added object needs
 free position.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ Collision solids are compared as oriented boxes. Meshes are left out, since the 
 a yard would block the whole yard.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -5,8 +5,6 @@ On terrain the vehicle takes the tilt of the plane fitted to the ground under it
 raised until no part is below the ground. Physics, pictures and spawn checks use the same pose.
 """
 
-from __future__ import annotations
-
 from math import atan, cos, radians, sin
 
 import numpy as np

@@ -4,8 +4,6 @@
 A wheel without visuals of its own is a cylinder about the y axis of its link.
 """
 
-from __future__ import annotations
-
 import math
 
 from groundlink.scenario.running_gear import Wheel

@@ -5,8 +5,6 @@ Position and heading are continuous, so a scripted actor pushes what is in its p
 evaluates the motion; other processes read the state.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from itertools import pairwise
 from math import atan2, cos, hypot, pi, radians, sin

@@ -5,8 +5,6 @@ An actor's form is a set of solids in a frame whose z axis points up; its motion
 `actor_motion` computes scripted poses; physics computes the poses of free bodies.
 """
 
-from __future__ import annotations
-
 import re
 from itertools import pairwise
 from typing import Annotated

@@ -5,8 +5,6 @@ A file whose content does not match its name counts as missing. The folder is a 
 fills it again, so it may be deleted while no run needs it.
 """
 
-from __future__ import annotations
-
 import hashlib
 import mmap
 import os

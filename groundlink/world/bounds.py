@@ -4,8 +4,6 @@
 Bounds are conservative: cylinders, spheres and meshes count as their bounding boxes.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from groundlink.core.frames import Floats, matrix_from_quaternion

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Conversion between linear light and sRGB (IEC 61966-2-1), both in the range 0..1."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from groundlink.core.frames import Floats

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Light sources of a world. Only cameras see light."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from msgspec import Meta

@@ -5,8 +5,6 @@ Vertices are in meters, x forward, y left, z up, in the frame of the solid. Read
 no library of a file format; `groundlink.importing` converts files into assets.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

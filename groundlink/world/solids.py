@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Solids, shapes and materials: plain data that hashes to the same bytes on every machine."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from groundlink.core.fields import (

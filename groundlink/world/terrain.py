@@ -14,8 +14,6 @@ grid in x and y, and (lowest + highest) / 2 in z. Bullet takes at most 2,097,152
 larger fields without an error.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from io import BytesIO

@@ -6,8 +6,6 @@ Vertices are float32. Round shapes are inscribed: no vertex lies outside the tru
 chord of a wheel of 0.2 m radius is at most 2 mm short.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Weather of a world: fog, rain and dust."""
 
-from __future__ import annotations
-
 from groundlink.core.fields import NonNegative, Positive, Size3, Spec, Vector3
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Driver process, started with ``python -m services.driver``: drives a vehicle along a route."""
 
-from __future__ import annotations
-
 import sys
 import threading
 from collections.abc import Sequence

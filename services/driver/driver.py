@@ -5,8 +5,6 @@ In fast mode every command arrives before the step in which it acts, and depends
 that runs are reproducible; see `DRIVER_WINDOW_TICKS`. In real time, late commands act late.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import atan2, ceil
 

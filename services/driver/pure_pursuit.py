@@ -7,8 +7,6 @@ turns in place; a vehicle that cannot turn in place takes the corner at its leas
 obstacle avoidance.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import atan2, copysign, cos, inf, pi, sin, sqrt
 from typing import NamedTuple
@@ -117,7 +115,7 @@ class PurePursuitFollower:
             self._leg, self._reached_m, self._turning = self._leg + 1, 0.0, True
         return 0.0, 0.0
 
-    def _towards(self, leg: _Leg, reached_m: float, place: Floats, yaw_rad: float) -> Twist:
+    def _towards(self, leg: "_Leg", reached_m: float, place: Floats, yaw_rad: float) -> Twist:
         speed = leg.speed_mps(reached_m)
         speed = min(speed, sqrt(2 * BRAKING_MPS2 * (leg.length_m - reached_m)))
         goal = leg.point(reached_m + self._look_ahead_m + self._look_ahead_s * speed)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gateway process, started with ``python -m services.gateway``: connects a run to ROS."""
 
-from __future__ import annotations
-
 import sys
 import threading
 from collections.abc import Sequence

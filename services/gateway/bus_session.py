@@ -4,8 +4,6 @@
 It outlives the carriers, which are replaced when vehicles join or leave the run.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from functools import cached_property, partial

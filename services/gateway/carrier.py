@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Assembly of a gateway: link, streams and follower of one scenario, and their loop."""
 
-from __future__ import annotations
-
 import os
 import sys
 import threading
@@ -115,7 +113,7 @@ class StreamCarrier:
                 )
             self._opened = opened.pop_all()
 
-    def __enter__(self) -> StreamCarrier:
+    def __enter__(self) -> "StreamCarrier":
         return self
 
     def __exit__(

@@ -5,8 +5,6 @@ Two threads: one receives from the socket below, one sends delayed datagrams whe
 datagram without a delay is sent at once by the caller's thread.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import deque

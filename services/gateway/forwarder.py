@@ -6,8 +6,6 @@ or suspended, stale ones are dropped. Each clock message is acknowledged to phys
 the follower of runs that wait for ROS.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 

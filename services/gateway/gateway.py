@@ -5,8 +5,6 @@ Messages that cannot be sent or read are counted. The main thread handles messag
 receive thread of the link handles those of the wire.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType

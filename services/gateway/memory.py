@@ -4,8 +4,6 @@
 It is part of the gateway's acknowledgements. Datagrams on the wire or in the emulated link are not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import msgspec

@@ -7,8 +7,6 @@ ends. The cause is not known here: counters of the sensor tell what it did not p
 lost the rest, for example while this process was disconnected.
 """
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from collections.abc import Mapping
 

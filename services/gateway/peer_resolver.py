@@ -5,8 +5,6 @@ A thread of its own looks the name up, since a failing look-up can take ten seco
 fail, the last known address stays in use.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from math import ceil

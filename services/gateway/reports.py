@@ -5,8 +5,6 @@ Rates are computed from the stamps of all received messages. Ages are given only
 the wall clock. The sums come from `udp_bridge`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 
 from msgspec.structs import replace

@@ -6,8 +6,6 @@ Experimental: not tested against a real node. Zenoh's threads only queue message
 them. Services and delivery reports are not supported.
 """
 
-from __future__ import annotations
-
 import hashlib
 import struct
 from collections import deque

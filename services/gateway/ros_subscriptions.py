@@ -4,8 +4,6 @@
 Derived from the scenario and the tables of types. `streams` has the other direction.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 

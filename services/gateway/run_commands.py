@@ -5,8 +5,6 @@ Physics may take seconds to answer, so a thread of its own waits for it. A comma
 again was not answered yet, or its reply was lost: it is answered again and not executed again.
 """
 
-from __future__ import annotations
-
 import queue
 import threading
 from collections.abc import Callable, Sized

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Wire types of the run's streams, and how the link repairs and queues each of them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from groundlink.messages.base import BusMessage

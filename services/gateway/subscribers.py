@@ -4,8 +4,6 @@
 The peer gets every pushed topic without a lease. Rates are limited by stamps, in simulation time.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from groundlink.core.clock import NANOS

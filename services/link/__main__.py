@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Link process, started with ``groundlink link``: relays UDP over an emulated link."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import threading

@@ -5,8 +5,6 @@ The relay has one front socket, which senders know, and for each sender a back s
 answers are returned to the right sender. Datagrams that the kernel drops are counted.
 """
 
-from __future__ import annotations
-
 import selectors
 import socket
 import struct

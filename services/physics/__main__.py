@@ -4,8 +4,6 @@
 It alone reads the scenario's files, and it alone decides when time advances.
 """
 
-from __future__ import annotations
-
 import sys
 import threading
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recorder process, started with ``python -m services.recorder``: writes a run to a file."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 from pathlib import Path

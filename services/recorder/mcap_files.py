@@ -5,8 +5,6 @@ Existing files are never overwritten. The journal of the run is added in parts, 
 a killed recorder has nearly all of it.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from pathlib import Path

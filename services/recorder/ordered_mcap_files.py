@@ -6,8 +6,6 @@ acknowledged a slice of simulation time. The slice is then sorted, written, and 
 journal is added at fixed simulation times, with every command at the tick from which it acts.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

@@ -7,8 +7,6 @@ are written with their source. A message that is not newer than the last one of 
 dropped, since restarted sensors repeat readings.
 """
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Mapping
 from fractions import Fraction

@@ -4,8 +4,6 @@
 A fast run waits for these acknowledgements as it does for those of sensors.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Collection, Iterable

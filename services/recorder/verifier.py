@@ -5,8 +5,6 @@ It compares a run with an earlier recording of it: a recorder whose messages are
 written. It acknowledges in place of sensors that the recording lacks, which physics would wait for.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -75,7 +73,7 @@ class ReferenceComparison:
         self._topics: dict[str, _Topic | _Ignored] = {}
         self._has_begun = False
 
-    def begin(self, epoch_nanos: int) -> ReferenceComparison:
+    def begin(self, epoch_nanos: int) -> "ReferenceComparison":
         """Start the comparison.
 
         Raises

@@ -7,8 +7,6 @@ recorder, are awaited when they are more than the scenario's window behind, so n
 With `--loop` the stamps repeat, as with ``ros2 bag play --loop``. The clock jumps back first.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Sequence

@@ -4,8 +4,6 @@
 It forwards messages and prints which processes join and leave. A `zenohd` can replace it.
 """
 
-from __future__ import annotations
-
 import argparse
 import threading
 from collections.abc import Sequence

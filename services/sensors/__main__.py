@@ -5,8 +5,6 @@ Each sensor has its own readings, progress and health, as in a process of its ow
 off the bus once and passed to one sensor after the other, so the sensors wait for each other.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 from contextlib import ExitStack

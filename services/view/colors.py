@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Colors of LiDAR points and map cells, as numbers 0xRRGGBBAA."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -5,8 +5,6 @@ The entity of an image is in the frame `<optical frame>/image`. A CameraInfo mes
 to the optical frame; the image then also appears in the 3D view.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import struct

@@ -5,8 +5,6 @@ A message that cannot be drawn is counted and is no error. Compressed images go 
 `draw_imagery` has images and ranges.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

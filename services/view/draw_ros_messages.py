@@ -5,8 +5,6 @@ Their fields are found by name, as other ROS tools do. A cloud without float32 f
 not drawn. Frames of the stack are placed by `drawing`.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

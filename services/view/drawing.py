@@ -5,8 +5,6 @@ Frames have their ROS names. Poses from a vehicle's own stack are in a frame of 
 aligned with the ground truth at the first pose of the stack; from then on the two may differ.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -6,8 +6,6 @@ The ceiling is left out, so that rooms can be seen from above. Wheels do not tur
 has no frames for them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np

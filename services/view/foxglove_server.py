@@ -6,8 +6,6 @@ as in a recording. Messages are encoded only while a client subscribes to them. 
 change, including the map, are sent again to each new subscriber.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from foxglove import Channel, Context, Schema, start_server

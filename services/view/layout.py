@@ -5,8 +5,6 @@ The world is on the left with the cameras below; the state of the run and plots 
 There are no panels for what the scenario lacks.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 

@@ -4,8 +4,6 @@
 The verdicts are those of `groundlink.monitor.run_monitor`, as in the table of `groundlink up`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from groundlink.messages.base import NOT_REPORTED, Health, StreamReport

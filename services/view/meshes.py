@@ -5,8 +5,6 @@ Every triangle has its own three vertices, so that edges stay sharp. Of a room's
 ceiling only the faces towards the inside are drawn, so that the room can be seen from outside.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

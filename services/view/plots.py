@@ -4,8 +4,6 @@
 A sample costs an append; one call to Rerun carries all values since the last call.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ revolution of 100 ms would otherwise be distorted by 10 cm. Points outside of th
 not placed.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -6,8 +6,6 @@ wheel stays at its vehicle and turns as the ground truth says. Messages that tak
 wait for the ground truth of their end.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple

@@ -5,8 +5,6 @@ Window and web server are a child process, Rerun's own program. Its memory is li
 is low, and it ends with this process. A file holds one episode; the next one gets another file.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib.util
 import os

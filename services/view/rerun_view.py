@@ -5,8 +5,6 @@ States place vehicles and actors, at most 30 times a second. The table in `draw_
 other messages. `rerun_destinations` opens the recording: a window, a browser or a file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

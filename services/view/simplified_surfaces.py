@@ -5,8 +5,6 @@ Each fits into one message. Close vertices of a large mesh are merged. Terrain h
 resolution where vehicles start and less elsewhere, on one grid without gaps.
 """
 
-from __future__ import annotations
-
 from io import BytesIO
 
 import numpy as np

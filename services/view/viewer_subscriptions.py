@@ -5,8 +5,6 @@ Nothing is acknowledged, so no process waits for a viewer. Each stream has an in
 newest messages, few of large ones. States of a replay are reconstructed from the ground truth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -4,8 +4,6 @@
 Figures are the machine's; what is asserted here would hold on any.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re

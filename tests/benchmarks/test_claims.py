@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A claim holds up to its limit, and a benchmark fails where one does not."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from pathlib import Path

@@ -6,8 +6,6 @@ and how many datagrams the kernel dropped. It adds rules to its network namespac
 that has any other interface than `lo`. The namespace is removed when the process ends.
 """
 
-from __future__ import annotations
-
 import fcntl
 import json
 import random

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Captures of UDP datagrams as files that Wireshark reads: pcap of raw IPv4 packets."""
 
-from __future__ import annotations
-
 import socket
 import struct
 from collections.abc import Iterable

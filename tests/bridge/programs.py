@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Optional programs; `.ci/run` installs them."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest

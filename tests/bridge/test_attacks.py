@@ -5,8 +5,6 @@ All traffic is on loopback. Where the attacker is on another host, `is_local` is
 a loopback address counts as any other one.
 """
 
-from __future__ import annotations
-
 import logging
 import socket
 import time

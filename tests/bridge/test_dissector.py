@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The Wireshark dissector decodes and refuses datagrams as the library does."""
 
-from __future__ import annotations
-
 import random
 import struct
 import threading

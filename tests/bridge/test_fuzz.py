@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Short runs of the fuzzers; the long ones are commands, see `fuzz/`."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import shutil

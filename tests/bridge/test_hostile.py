@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Garbage between the datagrams of a real link, from the sender's address."""
 
-from __future__ import annotations
-
 import random
 import time
 from collections.abc import Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Repair of datagrams that the kernel drops, instead of the link emulation."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import math

@@ -6,8 +6,6 @@ implementation fails for about one seed in 100, and the seed is fixed. `python -
 runs the same with more messages.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import math
 import random

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """tshark with the project's dissector: returns the fields of a capture."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 from pathlib import Path

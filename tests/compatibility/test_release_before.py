@@ -5,8 +5,6 @@
 sensor of every kind. Neither file is ever edited; a new release adds files of its own.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 

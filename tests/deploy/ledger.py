@@ -7,8 +7,6 @@ episodes of the run. An episode ends with its last clock message, and in the nex
 are due from the first one on. Open a ledger before a fault and read it afterwards.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import Counter
@@ -98,7 +96,7 @@ class Ledger:
         self._bus.subscribe(CLOCK.key_in(run), Clock, inbox)
         self._bus.subscribe(HEALTH.key_in(run, process=GATEWAY), Health, inbox)
 
-    def __enter__(self) -> Ledger:
+    def __enter__(self) -> "Ledger":
         return self
 
     def __exit__(

@@ -5,8 +5,6 @@ It depends only on names and types of topics. Messages are received as bytes, an
 the first field of every header, is decoded.
 """
 
-from __future__ import annotations
-
 import json
 import struct
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Containers of the default scenario on a real engine, and containers that observe them."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

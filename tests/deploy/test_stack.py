@@ -5,8 +5,6 @@ Time is that of the run, by stamps, and every missing reading must be reported. 
 few cores therefore fails no test. The duration of each fault is printed.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path

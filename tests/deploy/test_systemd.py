@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Deployment tests of the systemd units: the sandbox satisfies systemd's own security rating."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors at checkpoints, and their sums."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is missing in a bag, or has other bytes, is counted."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from experiments.recording.deliveries import (

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The direct tests find what was made wrong on purpose, and by how much, in a room of boxes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Environments of programs: made once, refused with a line that says what to do."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Results: a table that reads back, medians over seeds, and limits that are missed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each fault changes what it says, and nothing else."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """When a program is said to have found a fault; who is shown what."""
 
-from __future__ import annotations
-
 import pytest
 
 from experiments.recording.faults import CLOUD, FAULTS, IMU, TF

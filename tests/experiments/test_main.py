@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who runs several experiments gets all of them, and hears at the end what was not kept."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of experiments has the tables that were measured, to the letter."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

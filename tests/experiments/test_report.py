@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of a folder shows the tables and figures that are there, in the table's order."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an experiment has other than a shipped scenario is in the file, and nothing else is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

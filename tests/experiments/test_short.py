@@ -4,8 +4,6 @@
 `make test-system` installs the programs before the tests: no test fetches anything.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Distances to shapes, inside and outside, turned and moved."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sweep runs an experiment with each combination of what is varied, and no other."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trajectories: between two poses, from another frame, and in a file."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin
 from pathlib import Path
 

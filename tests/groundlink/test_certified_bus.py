@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who gets onto a bus that takes certificates, by trying; what each may say there is elsewhere."""
 
-from __future__ import annotations
-
 import datetime
 import socket
 from collections.abc import Iterator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How the command ends: interrupts and what the system refuses are one line, and leave no file."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

@@ -6,8 +6,6 @@ them are killed, and names the survivors. Each job works in a copy of the reposi
 working tree stays as it is.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import shutil

@@ -10,8 +10,6 @@ A list in `lists/` is a YAML file of rows:
 - `tests`: what pytest is given to find it, separated by blanks.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import msgspec

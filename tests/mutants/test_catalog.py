@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The kept list of mutants fits today's sources; `make mutants` plants them."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 

@@ -6,8 +6,6 @@ then. Answers a line each: pytest's exit code, or below 0 the signal that ended 
 prints is in the file `SAID` of the current folder.
 """
 
-from __future__ import annotations
-
 import os
 import resource
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bodies as `rosbags` encodes and decodes them: independent of what the node and rclpy do."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -6,8 +6,6 @@ A line in is {"service": NAME, "kind": TYPE, "request": {...}}, or "action" and 
 response's fields, where there is one, and under "clock" the newest /clock in nanoseconds.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

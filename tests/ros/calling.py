@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A test's hand on a ROS node that calls services and actions, in a process of its own."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a PointCloud2 holds as one number: the same of ROS 1's object, ROS 2's and rosbags'."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fixtures of the ROS tests: a private domain, the node, its users, and the bridge's far end."""
 
-from __future__ import annotations
-
 import json
 import os
 import time

@@ -5,8 +5,6 @@ Nothing is installed, so that all other tests have a ROS without it: who wants i
 into PYTHONPATH. It is kept between runs for as long as its sources and the build stay the same.
 """
 
-from __future__ import annotations
-
 import importlib
 import shutil
 import subprocess

@@ -5,8 +5,6 @@ Arguments: one JSON list of [ros_type, topic, reliability, durability, depth, sl
 does so at the first message with a stamp, and prints on "TOPIC numbers" those of its publisher.
 """
 
-from __future__ import annotations
-
 import json
 import signal
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Processes under test: each with its own environment, read line by line, always ended."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal

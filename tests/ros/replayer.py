@@ -4,8 +4,6 @@
 Arguments: ros_type, topic, the message's CDR as hex.
 """
 
-from __future__ import annotations
-
 import signal
 import sys
 from importlib import import_module

@@ -4,8 +4,6 @@
 Arguments: ros_type, topic, rate in Hz. The number is Twist's linear.x or the pose's position.x.
 """
 
-from __future__ import annotations
-
 import json
 import signal
 import sys

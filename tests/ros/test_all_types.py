@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every type of the wire passes through the node, in the directions that the table says."""
 
-from __future__ import annotations
-
 from groundlink.messages.navigation import Transforms
 from groundlink.ros.cdr import ROS_CODECS, to_cdr
 from tests.vectors.examples import EXAMPLES, STAMP, fields

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The build of message packages: nothing to do the second time, one line when it can't be done."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

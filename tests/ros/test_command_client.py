@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands to a gateway that loses some, is silent, or is one of several."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """/diagnostics of the real node, read by a subscriber of its own process."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from . import bodies

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a gateway subscribed to comes back from ROS, for as long as it asks for it."""
 
-from __future__ import annotations
-
 import time
 
 from udp_bridge.wire.control import Subscribe

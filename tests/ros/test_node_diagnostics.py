@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The levels of /diagnostics and what is said with them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

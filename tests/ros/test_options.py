@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a user can tell a node: as text, and what a real node makes of it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

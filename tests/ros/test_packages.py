@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The packages as the tools of ROS find and install them, by the files alone."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import os

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The queues between the receiving thread and ROS, with a stand-in for the node and publishers."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from typing import Any
@@ -29,7 +27,7 @@ class Node:
         self.is_publishing = threading.Event()
         self.bodies: list[bytes] = []
 
-    def create_publisher(self, *_: Any, **__: Any) -> Node:
+    def create_publisher(self, *_: Any, **__: Any) -> "Node":
         return self
 
     def publish(self, body: bytes) -> None:

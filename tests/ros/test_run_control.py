@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What services do with a run: steps that are done, interfered with, or stalled."""
 
-from __future__ import annotations
-
 import pytest
 
 from udp_bridge.node.command_client import CommandFailed

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node's services with real ROS 2, and a gateway that stands in for a simulator."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Iterator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Users' mistakes are one line and exit code 2; signals end the node at once, with a summary."""
 
-from __future__ import annotations
-
 import signal
 import socket
 

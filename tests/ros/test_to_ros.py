@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a gateway sends arrives in ROS: real sockets, the real node, subscribers of their own."""
 
-from __future__ import annotations
-
 import zlib
 from random import Random
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of ROS types that have no number of their own, through the ROS 2 node both ways."""
 
-from __future__ import annotations
-
 from tests.udp_bridge.vectors import load
 from udp_bridge import Reassembler
 from udp_bridge.wire.control import Subscribe

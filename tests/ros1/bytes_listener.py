@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Prints each message of the topics in the arguments as a JSON line [topic, 0, its bytes]."""
 
-from __future__ import annotations
-
 import json
 import sys
 

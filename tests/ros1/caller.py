@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calls services of the bridge's node, which the arguments name, and prints what they say."""
 
-from __future__ import annotations
-
 import sys
 
 import rospy

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A roscore that nobody else uses, and processes of ROS 1, by the Python that has it."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

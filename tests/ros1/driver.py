@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A ROS 1 user's teleoperation: drives straight on until it is ended."""
 
-from __future__ import annotations
-
 import time
 
 import rospy

@@ -5,8 +5,6 @@ Arguments: one JSON list of [type, topic, seconds that the callback sleeps at th
 a stamp]. Run by the Python that ROS 1 is installed for.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import time

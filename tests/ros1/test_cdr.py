@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """CDR and ROS 1's bytes of every type of the wire, against rosbags, which does it another way."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

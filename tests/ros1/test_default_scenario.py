@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The default scenario, without its camera, as a user of ROS 1 Noetic sees it."""
 
-from __future__ import annotations
-
 import signal
 import time
 from itertools import pairwise

@@ -5,8 +5,6 @@ Its decisions are in `tests/system/wall_following.py`. In lockstep they depend o
 whatever way the data take, the vehicle goes the same way.
 """
 
-from __future__ import annotations
-
 import math
 import shutil
 from collections.abc import Callable

@@ -5,8 +5,6 @@ Each is run twice from one seed, once into each ROS, and recorded: in lockstep e
 for, so the same messages are to come, whatever the machine does meanwhile.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 from typing import Any

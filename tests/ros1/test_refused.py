@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bodies that are no message of their type are refused, in one line, and end nothing."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.ros import bodies

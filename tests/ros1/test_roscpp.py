@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node in C++, as a user of ROS 1 has it: real topics, the same bytes, and Twists back."""
 
-from __future__ import annotations
-
 import itertools
 import signal
 import socket

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A subscriber that sleeps costs nobody but itself, and /diagnostics says what."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a ROS 1 user's tools make of a robot: tf2, the parameter server, services."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

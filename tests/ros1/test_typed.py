@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of ROS types that have no number of their own, through the ROS 1 node both ways."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.ros.bodies import NANOS

@@ -5,8 +5,6 @@ Waits until so many seconds of transforms are there, asks for the way from SOURC
 stamps of them, and prints as JSON how many were found, the first complaint, and all frames.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 

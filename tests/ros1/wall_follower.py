@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The wall follower as a node of ROS 1: ``wall_follower.py LAPS``, its decisions in PYTHONPATH."""
 
-from __future__ import annotations
-
 import sys
 import threading
 from typing import Any

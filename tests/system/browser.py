@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Headless Chromium: screenshots of pages, and a check for blank pages."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

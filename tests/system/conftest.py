@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fixtures of all system tests."""
 
-from __future__ import annotations
-
 import pytest
 
 from groundlink.bus.session import Bus

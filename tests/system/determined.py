@@ -5,8 +5,6 @@
 another machine, and writes the received messages.
 """
 
-from __future__ import annotations
-
 import hashlib
 import sys
 from collections.abc import Iterator

@@ -7,8 +7,6 @@ network namespace, too. The machine's own network stays unchanged. All namespace
 processes that hold them.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

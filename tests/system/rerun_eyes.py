@@ -4,8 +4,6 @@
 The viewer's client is declared experimental and is used only here.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 from collections.abc import Iterator

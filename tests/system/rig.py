@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rig of system tests: real processes, free ports, private names, and cleanup."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -4,8 +4,6 @@
 Run as ``python -m tests.system.ros_clock_watcher FILE``; it writes a JSON line for each event.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

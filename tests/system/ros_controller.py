@@ -11,8 +11,6 @@ Run as ``python -m tests.system.ros_controller WAY LONGEST_DELAY_S``. WAY is one
 Delays are random, in wall-clock time, and differ from run to run.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import random

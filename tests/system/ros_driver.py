@@ -4,8 +4,6 @@
 Run as ``python -m tests.system.ros_driver LINEAR_MPS ANGULAR_RADPS SECONDS``.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 import time

@@ -4,8 +4,6 @@
 Run as ``python -m tests.system.ros_observer FILE``. It depends on Groundlink's topics only.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

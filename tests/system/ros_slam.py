@@ -5,8 +5,6 @@ Run as ``python -m tests.system.ros_slam``. The pose is constant, so map and gro
 the vehicle drives.
 """
 
-from __future__ import annotations
-
 import os
 
 from udp_bridge_ros2.environment import apply_defaults

@@ -4,8 +4,6 @@
 Run as ``python -m tests.system.ros_two_rovers FILE``.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rig for a run with a certificate-protected bus, and participants with foreign certificates."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of world assets: a sensor host without files receives terrain and meshes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

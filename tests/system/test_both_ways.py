@@ -4,8 +4,6 @@
 The tests cover LiDAR blocks, subscriptions of both sides, and poses and maps from ROS.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of the default scenario's camera: a fast run has all pictures, with equal bytes."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of run control: pause, step and reset with real processes and a real bus."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Iterator

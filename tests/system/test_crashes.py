@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of crashes: killed processes restart, and the other processes continue."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

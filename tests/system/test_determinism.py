@@ -6,8 +6,6 @@ undisturbed run of 10 s in fast mode with every kind of sensor. Two runs follow 
 start together with the reference run and end after their checks.
 """
 
-from __future__ import annotations
-
 import os
 import random
 import signal

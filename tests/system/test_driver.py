@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of the autopilot: identical bytes in fast mode, and arrival at the route's end."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import signal

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of sensor faults, by scenario and by command: visible in ROS and recorded."""
 
-from __future__ import annotations
-
 import itertools
 import subprocess
 import sys

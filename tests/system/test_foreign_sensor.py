@@ -4,8 +4,6 @@
 No module of Groundlink refers to that kind.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

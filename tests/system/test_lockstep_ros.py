@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of a ROS 2 controller in lockstep: a bit-identical trajectory in every run."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import signal

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of the main use case: start a scenario, receive its data in ROS 2, and drive."""
 
-from __future__ import annotations
-
 import math
 import os
 import random

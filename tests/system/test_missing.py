@@ -4,8 +4,6 @@
 LiDARs that exceed the speed of one core run in real time beside loops that keep all cores busy.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path

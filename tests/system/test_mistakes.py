@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of user errors: one clear line on stderr, exit code 2, no traceback."""
 
-from __future__ import annotations
-
 import socket
 import subprocess
 import sys

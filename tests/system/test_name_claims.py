@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of single processes: each starts on its own, as on a separate machine."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

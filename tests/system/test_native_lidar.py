@@ -4,8 +4,6 @@
 A LiDAR without its own packet format causes one error line.
 """
 
-from __future__ import annotations
-
 import random
 import socket
 import struct

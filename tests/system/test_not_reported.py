@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System test of a receiver that implements only Table 1 of the paper and sends no reports."""
 
-from __future__ import annotations
-
 import json
 import socket
 from pathlib import Path

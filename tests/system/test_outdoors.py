@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of GNSS receivers and range finders: on the bus, in ROS and as NMEA."""
 
-from __future__ import annotations
-
 import math
 import re
 import socket

@@ -5,8 +5,6 @@ Each outcome is reported. The tests stop a sensor for a while to emulate an over
 known time.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import signal

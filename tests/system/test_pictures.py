@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of camera pictures in a real ROS 2: received pictures equal the sent ones."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of recordings: readable by other tools, complete, correct and crash-safe."""
 
-from __future__ import annotations
-
 import json
 import os
 import resource

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of replay: a recording sends ROS the same message bodies as the original run."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import re

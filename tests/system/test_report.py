@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of the report page of a recorded run: not blank, in light and dark themes."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

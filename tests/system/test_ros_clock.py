@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of a ROS 2 node with use_sim_time: timers, a pause and a reset."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of saved runs: a restored run publishes the same bytes as an uninterrupted run."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

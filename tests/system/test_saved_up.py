@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of saving with `groundlink up` in real time: restore, and start from a file."""
 
-from __future__ import annotations
-
 import importlib.util
 import signal
 import subprocess

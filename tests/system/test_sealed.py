@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System test of a bridge with a shared key, over an emulated link that changes during the run."""
 
-from __future__ import annotations
-
 import json
 import secrets
 import subprocess

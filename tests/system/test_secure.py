@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of a run with credentials: all features work, and access without them fails."""
 
-from __future__ import annotations
-
 import datetime
 import time
 from collections.abc import Callable, Iterator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of `groundlink snapshot`: four files per snapshot, one error line per mistake."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System test of spawning: the scanner sees a box while it exists; runs have identical bytes."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Iterator

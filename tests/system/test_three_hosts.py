@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of three hosts (physics, sensors, gateway with ROS) with disconnected cables."""
 
-from __future__ import annotations
-
 import subprocess
 import time
 from collections.abc import Iterator

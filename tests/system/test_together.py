@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System test of `groundlink up --sensors-together`: one process, separate status per sensor."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of `groundlink top` and `drive`: crashed processes are shown, the vehicle moves."""
 
-from __future__ import annotations
-
 import json
 import os
 import pty

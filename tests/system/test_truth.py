@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of ground truth in ROS: clouds without errors, wheels and all bodies."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

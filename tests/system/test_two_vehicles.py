@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of two vehicles in one run and one ROS: separate topics, frames and commands."""
 
-from __future__ import annotations
-
 from math import hypot
 from pathlib import Path
 

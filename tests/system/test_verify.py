@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of `groundlink verify`: it reproduces recordings exactly and names differences."""
 
-from __future__ import annotations
-
 import math
 import os
 import random

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of the viewer: the picture is not blank, and the run is not affected."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System test of counters and odometry: a crash changes no byte of a fast run."""
 
-from __future__ import annotations
-
 import os
 import signal
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of a ROS 2 node with a wrong or missing key: no data, and logs at both ends."""
 
-from __future__ import annotations
-
 import struct
 import time
 from collections.abc import Iterator

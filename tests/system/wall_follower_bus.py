@@ -6,8 +6,6 @@ message it waits until all sensors have reached that time, decides, and sends th
 physics, as a gateway does with the commands of ROS.
 """
 
-from __future__ import annotations
-
 import struct
 import threading
 from collections.abc import Sequence

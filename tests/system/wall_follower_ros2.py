@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Wall follower as a ROS 2 node: ``python -m tests.system.wall_follower_ros2 LAPS``."""
 
-from __future__ import annotations
-
 import os
 import sys
 from typing import Any

@@ -7,8 +7,6 @@ Python floats from the fields of ROS messages, so every middleware gives the sam
 imports neither ROS nor the bus.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Sequence

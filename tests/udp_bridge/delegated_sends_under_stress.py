@@ -4,8 +4,6 @@
 It prints how often a send was delegated. It hangs if two threads wait for each other.
 """
 
-from __future__ import annotations
-
 import socket
 import sys
 import threading

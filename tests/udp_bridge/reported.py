@@ -5,8 +5,6 @@ An arrival is a time in nanoseconds, a sender, and a datagram; from `REPORT` as 
 to report. A message with the link `REFUSED` is one that the user can't take.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import random

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sender and a receiver joined by a simulated link: seeded loss, exact times, no sockets."""
 
-from __future__ import annotations
-
 import functools
 import heapq
 import itertools

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command, as a process of its own."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

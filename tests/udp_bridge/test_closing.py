@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an ended link leaves behind: no buffers, nothing that waits for the garbage collector."""
 
-from __future__ import annotations
-
 import gc
 import threading
 import time

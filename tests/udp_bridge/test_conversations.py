@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random conversations: several senders with loss, restarts and forged Offers and Requests."""
 
-from __future__ import annotations
-
 from hypothesis import Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Delegated sends: the sending and the receiving thread do not deadlock."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The claims of the distribution: nothing but the standard library, and Python 3.8 can read it."""
 
-from __future__ import annotations
-
 import ast
 import json
 import subprocess

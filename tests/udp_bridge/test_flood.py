@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Floods of first parts, from one sender or many: memory, cost, and who still gets through."""
 
-from __future__ import annotations
-
 import itertools
 import sys
 import tracemalloc

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sequences of datagrams, each of them well-formed, that a receiver must survive."""
 
-from __future__ import annotations
-
 import pytest
 
 from udp_bridge import parse

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """PROTOCOL.md says what the code does."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Repair between two links over real sockets; datagrams are lost on purpose, by a seed."""
 
-from __future__ import annotations
-
 import random
 import time
 from typing import Any, cast

@@ -5,8 +5,6 @@ Its numbers begin at 0, so that what it sends looks like something old; what is 
 too. Whole simulated links, then single datagrams.
 """
 
-from __future__ import annotations
-
 import random
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sums that add up over real sockets, seeded loss and duplicates, and restarts of both ends."""
 
-from __future__ import annotations
-
 import pytest
 
 from benchmarks.soak.__main__ import soak

@@ -6,8 +6,6 @@ a vector that exists is never written again. The body is the message's CDR, sent
 bytes so that every type has parts; `fields` in the JSON is the ROS message, numbers as they are.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import struct

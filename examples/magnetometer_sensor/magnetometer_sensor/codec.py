@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Codec: the message as sensor_msgs/MagneticField, and back."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drawing: the three axes as lines over sim time."""
 
-from __future__ import annotations
-
 from services.view.drawing import Drawing, Track
 
 from .message import MagneticField

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Message of the bus: one measurement of the magnetic field."""
 
-from __future__ import annotations
-
 from groundlink.core.fields import Vector3
 from groundlink.messages.base import Reading
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Model: states of the run in, measurements of the magnetic field out."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from groundlink.core.clock import Schedule

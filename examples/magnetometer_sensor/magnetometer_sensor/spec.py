@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Specification: what a scenario can say about a magnetometer. Defaults are an ideal sensor."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 from groundlink.core.fields import NonNegative, Vector3

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The magnetometer: the field it measures, its errors, its bytes in ROS."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@
 A setting that would work badly is a warning with a fix; one that cannot work is an error.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys
@@ -14,6 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from groundlink.bus.topics import driver_name
+from groundlink.cli import Subparsers
 from groundlink.cli.run.running import SCENARIO_HELP
 from groundlink.core.errors import UserError
 from groundlink.loader import load
@@ -25,7 +24,7 @@ from groundlink.scenario.sensors import RotatingLidar, SensorSpec
 from groundlink.scene.build import solids, world_hash
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("check", help="check a scenario without starting anything")
     parser.add_argument("scenario", help=SCENARIO_HELP)

@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """`groundlink compose SCENARIO`: print the Compose file of a scenario's containers."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 
+from groundlink.cli import Subparsers
 from groundlink.cli.run.running import SCENARIO_HELP
 from groundlink.deploy.compose import MAIN, Deployment
 from groundlink.loader import load
 from groundlink.loader.scenario_files import scenario_file
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("compose", help="print the Compose file of a scenario")
     parser.add_argument("scenario", help=SCENARIO_HELP)

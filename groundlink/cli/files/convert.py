@@ -1,21 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """`groundlink convert RUN.mcap RUN.bag`: convert a recording to a ROS 1 bag."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import track
 
+from groundlink.cli import Subparsers
 from groundlink.cli.run import running
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("convert", help="convert a recording to a ROS 1 bag")
     parser.add_argument("recording", metavar="RUN.mcap", help="recording to read")

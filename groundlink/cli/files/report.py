@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`groundlink report RUN.mcap`: write a report of a recorded run as one HTML page."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path
@@ -10,11 +8,12 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
+from groundlink.cli import Subparsers
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.extras import needs
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("report", help="write an HTML report of a recorded run")
     parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="recording to read")

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """`groundlink schema KIND`: print the JSON Schema of a kind of file, for editors."""
 
-from __future__ import annotations
-
 import argparse
 import json
 
+from groundlink.cli import Subparsers
 from groundlink.loader.json_schema import KINDS, json_schema
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser(
         "schema", help="print the JSON Schema of a kind of file, for editors"

@@ -4,8 +4,6 @@
 All files are secret except the Compose file.
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import os
@@ -13,6 +11,7 @@ import secrets
 from pathlib import Path
 
 from groundlink.bus.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, about_text
+from groundlink.cli import Subparsers
 from groundlink.cli.run.running import SCENARIO_HELP
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
@@ -28,7 +27,7 @@ USER = 65532
 ROUTER_NAME = "router"
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser(
         "secure", help="write certificates, access rules and the bridge key of a scenario"

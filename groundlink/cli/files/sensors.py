@@ -6,8 +6,6 @@ their fields, sheets from their files. A sheet is shown as it is written, since 
 where a figure comes from and which are guesses.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import shutil
@@ -16,6 +14,7 @@ from typing import Any
 
 import msgspec
 
+from groundlink.cli import Subparsers
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.loader.datasheets import (
@@ -34,7 +33,7 @@ INDENT = 22
 """Indentation of the text beside the name of a sheet."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("sensors", help="list kinds of sensors and their data sheets")
     parser.set_defaults(command=sensors)

@@ -4,8 +4,6 @@
 Starts a run with this sensor and the drivers, as fast as possible, until the image is taken.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import time
@@ -13,6 +11,7 @@ from pathlib import Path
 
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import driver_names, process_names
+from groundlink.cli import Subparsers
 from groundlink.cli.run import running, supervised
 from groundlink.cli.terminal import output as terminal
 from groundlink.core.errors import UserError, did_you_mean
@@ -25,7 +24,7 @@ from .world import is_picture
 POLL_SECONDS = 0.02
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("snapshot", help="write the image of a camera at a sim time")
     parser.add_argument("scenario", help=running.SCENARIO_HELP)

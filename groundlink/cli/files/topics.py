@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`groundlink topics`: print the table of streams on the bus."""
 
-from __future__ import annotations
-
 import argparse
 
 from rich.console import Console
@@ -10,13 +8,14 @@ from rich.console import Console
 from groundlink.bus.core_topics import ROOT
 from groundlink.bus.reference import reference
 from groundlink.bus.topics import TOPICS
+from groundlink.cli import Subparsers
 from groundlink.cli.terminal.tables import Column, FittingTable
 
 WIDTH = 180
 """Line width without a terminal."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("topics", help="list the streams of the bus")
     parser.add_argument(

@@ -19,6 +19,7 @@ from rich.console import Console, RenderableType
 from rich.text import Text
 
 from groundlink.bus.topics import process_names
+from groundlink.cli import Subparsers
 from groundlink.cli.run import running, supervised
 from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.tables import Column, FittingTable
@@ -36,7 +37,7 @@ FOLLOWED, VERDICT = "run.journal", "verdict.json"
 """Files exchanged with the started processes."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("verify", help="repeat a recorded run and compare byte for byte")
     parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="recording to read")

@@ -4,18 +4,17 @@
 The viewer is a separate process, ``python -m services.view``, with the same options.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys
 from pathlib import Path
 
+from groundlink.cli import Subparsers
 from groundlink.core.errors import UserError
 from groundlink.process.runner import add_run_arguments
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("view", help="show a run or a recording in a viewer")
     add_run_arguments(parser)

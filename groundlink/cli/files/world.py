@@ -4,8 +4,6 @@
 `groundlink world show WHAT`: draw an image of a world, a vehicle or a scenario.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import os
@@ -16,6 +14,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from groundlink.cli import Subparsers
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.importing import heightmaps, mesh_files, world_files
@@ -36,7 +35,7 @@ _FIELDS = ("heights_m", "cell_m", "size_m", "scale", "up")
 """Fields of file descriptions that are options here."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser(
         "world", help="make a world from a file, or draw an image of a world"
@@ -119,7 +118,7 @@ def _size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _add_import(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def _add_import(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser(
         "import", help="make a world from a heightmap, mesh or scan, and print its content"
     )

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`groundlink pause`, `resume`, `step`, `reset`: send a run command and print the answer."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import threading
@@ -12,6 +10,7 @@ from groundlink.bus.control_client import run_status, send_command
 from groundlink.bus.core_topics import HEALTH, PHYSICS
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
+from groundlink.cli import Subparsers
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Health
@@ -31,7 +30,7 @@ COMMANDS: dict[str, tuple[type[AnyRunCommand], str]] = {
 }
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the commands to the command line."""
     for name, (run_command, help_text) in COMMANDS.items():
         parser = subparsers.add_parser(name, help=help_text)

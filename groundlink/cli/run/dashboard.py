@@ -4,8 +4,6 @@
 Shows a `RunMonitor` and the children of a supervisor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from rich.console import Group, RenderableType

@@ -5,8 +5,6 @@ Publishes velocities like a ROS node; of several sources the newest command appl
 always restored.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import select
@@ -21,6 +19,7 @@ from groundlink.bus.core_topics import CLOCK, COMMAND
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import driver_name
+from groundlink.cli import Subparsers
 from groundlink.cli.terminal.keyboard import HELP, Keyboard, keys
 from groundlink.cli.terminal.output import stop_on_signals
 from groundlink.core.errors import UserError, did_you_mean
@@ -41,7 +40,7 @@ TIME_SECONDS = 3.0
 """Timeout of the run's clock."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("drive", help="drive a vehicle by keyboard or along a route")
     parser.add_argument(

@@ -5,8 +5,6 @@ The command checks everything against the scenario of the run before it sends a 
 faults in the syntax of scenarios.
 """
 
-from __future__ import annotations
-
 import argparse
 import threading
 from collections.abc import Sequence
@@ -16,6 +14,7 @@ import msgspec
 
 from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
+from groundlink.cli import Subparsers
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.process import runner as process
@@ -31,7 +30,7 @@ TIMES = FaultSpec.__struct_fields__
 """Fields that are no parameters here: a live fault begins now and ends by `--for`."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("fault", help="inject a fault into a sensor of a run")
     parser.add_argument("sensor", nargs="?", metavar="VEHICLE/SENSOR", help="as in rover/lidar")

@@ -4,8 +4,6 @@
 The relay is a separate process: ``python -m services.link``.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys
@@ -14,6 +12,7 @@ import msgspec
 
 from groundlink.bus.queries import link_key
 from groundlink.bus.session import Bus
+from groundlink.cli import Subparsers
 from groundlink.core.errors import UserError
 from groundlink.emulation.arguments import add_arguments, command_line, impairments
 from groundlink.process import runner as process
@@ -22,7 +21,7 @@ ANSWER_SECONDS = 3.0
 """Timeout of the gateway."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser(
         "link", help="relay datagrams with impairments, or change the emulated link of a run"

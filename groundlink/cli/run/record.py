@@ -4,14 +4,13 @@
 Starts physics, sensors, drivers and the recorder, without ROS. The summary is read from the file.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 
 from rich.console import Console, RenderableType
 from rich.text import Text
 
+from groundlink.cli import Subparsers
 from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.core.errors import UserError
@@ -25,7 +24,7 @@ SECONDS = 30.0
 """Default duration, sim time."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser(
         "record", help="record a run of a scenario to a file, without ROS"

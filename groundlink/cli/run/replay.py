@@ -4,13 +4,12 @@
 Like `up`, with the replay process in place of physics and sensors.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from pathlib import Path
 
 from groundlink.bus.core_topics import REPLAY
+from groundlink.cli import Subparsers
 from groundlink.cli.run.dashboard import dashboard
 from groundlink.cli.terminal import output as terminal
 from groundlink.core.extras import needs
@@ -26,7 +25,7 @@ DRAIN_SECONDS = 2.0
 """Time after the last message for delivery reports to arrive."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("replay", help="send a recorded run to ROS")
     parser.add_argument("recording", metavar="RUN.mcap", help="file that was recorded")

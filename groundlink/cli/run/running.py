@@ -4,8 +4,6 @@
 Services are started as ``python -m`` only. `supervised` starts them.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import socket
 from ipaddress import ip_address

@@ -5,8 +5,6 @@ Files are read and written by the command, never by physics, so nobody on the bu
 files. The command checks a file before it sends anything.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import threading
@@ -16,6 +14,7 @@ from pathlib import Path
 from groundlink.bus.control_client import run_status, send_command
 from groundlink.bus.queries import journal_key
 from groundlink.bus.session import Bus
+from groundlink.cli import Subparsers
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
 from groundlink.process import runner as process
@@ -33,7 +32,7 @@ SHOW_SECONDS = 1.0
 """Period of progress lines."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the commands to the command line."""
     save_parser = subparsers.add_parser("save", help="save the state of a run to a file")
     restore_parser = subparsers.add_parser("restore", help="restore the state of a run from a file")

@@ -4,14 +4,13 @@
 The command reads the files; physics receives their content and checks for free space.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import threading
 
 from groundlink.bus.control_client import send_command
 from groundlink.bus.session import Bus
+from groundlink.cli import Subparsers
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
 from groundlink.loader.additions import KINDS, SpawnPlace, addition, check_addition
@@ -23,7 +22,7 @@ from groundlink.scene.build import solids
 from groundlink.scene.spawn_checks import ground_of
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the commands to the command line."""
     put = subparsers.add_parser("spawn", help="add a vehicle or an obstacle to a run")
     put.add_argument(

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Supervised run: processes that a command starts, monitors, shows and stops."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections import deque

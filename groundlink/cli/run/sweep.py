@@ -5,14 +5,13 @@ Passes its arguments to the experiments, which are not part of the package: they
 the repository and third-party programs.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+from groundlink.cli import Subparsers
 from groundlink.core.errors import UserError
 
 MODULE = "experiments.studies.sweep"
@@ -21,7 +20,7 @@ NO_PREFIX = "\0"
 """Starts no option: all arguments belong to the module, `--help` too."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser(
         "sweep",

@@ -4,8 +4,6 @@
 Subscribes only, except for a query for the settings of the emulated link.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time
@@ -22,6 +20,7 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import link_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import process_names
+from groundlink.cli import Subparsers
 from groundlink.cli.run.dashboard import streams_table
 from groundlink.cli.terminal.output import console, stop_on_signals
 from groundlink.cli.terminal.tables import Column, FittingTable
@@ -42,7 +41,7 @@ ONCE_SECONDS = 3.5
 STYLES = {"alive": "", "there": "", "silent": "yellow", "missing": "yellow", "gone": "red"}
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("top", help="show the processes and streams of a run, live")
     process.add_run_arguments(parser)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`groundlink up SCENARIO`: run a scenario on this machine, supervised, with live status."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json
@@ -14,6 +12,7 @@ import msgspec
 from rich.console import Console
 
 from groundlink import __version__
+from groundlink.cli import Subparsers
 from groundlink.cli.run.dashboard import dashboard
 from groundlink.cli.terminal import output as terminal
 from groundlink.core.atomic_file import write_atomically
@@ -34,7 +33,7 @@ TELL_SECONDS = 4.0
 """Time after which the command reports what it waits for."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("up", help="run a scenario on this machine")
     parser.add_argument("scenario", help=f"{running.SCENARIO_HELP}; or a saved run to continue")

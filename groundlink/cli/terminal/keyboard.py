@@ -4,8 +4,6 @@
 Terminals do not report key releases, so a command ends half a second after the last key.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 DEAD_MAN_SECONDS = 0.5

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Terminal output: a live display, and Ctrl-C. Without a terminal it prints periodically."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import threading

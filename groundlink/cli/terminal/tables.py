@@ -5,8 +5,6 @@ On a narrow terminal a table first omits optional columns, then wraps text, then
 tables with the same first column.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 

@@ -6,8 +6,6 @@ Links on joints with a servo move, but their mass and collisions count for the b
 zero. All other joints are held at zero, and so are joints between the base and a wheel.
 """
 
-from __future__ import annotations
-
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@
 Document types are refused: URDF has none, and entities can exhaust the memory of a parser.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
@@ -25,17 +23,17 @@ class XmlElement:
     tag: str
     attributes: dict[str, str]
     mark: SourceLine
-    children: list[XmlElement] = field(default_factory=list)
+    children: list["XmlElement"] = field(default_factory=list)
 
-    def all(self, tag: str) -> list[XmlElement]:
+    def all(self, tag: str) -> list["XmlElement"]:
         """Return the children with a tag."""
         return [child for child in self.children if child.tag == tag]
 
-    def first(self, tag: str) -> XmlElement | None:
+    def first(self, tag: str) -> "XmlElement | None":
         """Return the first child with a tag, or None."""
         return next(iter(self.all(tag)), None)
 
-    def need(self, tag: str) -> XmlElement:
+    def need(self, tag: str) -> "XmlElement":
         """Return the first child with a tag; raise if there is none."""
         child = self.first(tag)
         if child is None:

@@ -6,8 +6,6 @@ The axes of a mesh are those of the link, whatever the format says about up, as 
 works. Files of a mesh may lie anywhere in the package, such as `materials/textures`.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from dataclasses import replace

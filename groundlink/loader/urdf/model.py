@@ -12,8 +12,6 @@ optional::
     drive: {kind: differential, max_wheel_torque_nm: 2.0, max_wheel_speed_radps: 20.0}
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from math import pi

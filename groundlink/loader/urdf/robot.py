@@ -5,8 +5,6 @@ The result is a tree with one root, and all numbers are finite and physically po
 other programs (`gazebo`, `transmission`, `sensor`) are ignored.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

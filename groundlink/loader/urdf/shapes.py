@@ -4,8 +4,6 @@
 URDF has no reflectivity; it is derived from the color.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

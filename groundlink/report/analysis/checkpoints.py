@@ -5,8 +5,6 @@ Each time a track comes within `NEAR_M` of a checkpoint and leaves again is one 
 moment of the least distance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

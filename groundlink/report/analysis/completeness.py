@@ -6,8 +6,6 @@ so readings missing without a report are found. A reading in the file counts as 
 was reported. Memory grows by one byte a reading.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@
 Of counters the last value is kept; of ages every sample, thinned in long runs.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -5,8 +5,6 @@ Contacts with the same object within half a second are one event. At most `MAX_E
 kept; further ones are counted.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from groundlink.core.clock import TICK_SECONDS

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fault history of a sensor: the begin and end of each fault, as its process reported them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from groundlink.run.fault_messages import Faults

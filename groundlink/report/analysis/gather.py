@@ -5,8 +5,6 @@ Of each topic only what the page shows is decoded: one cloud of each LiDAR, ever
 IMU. Memory does not grow with the file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@
 In long runs every n-th ground-truth message is decoded, so the distance may be slightly short.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

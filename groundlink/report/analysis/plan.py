@@ -4,8 +4,6 @@
 Floors, ceilings and objects above a vehicle's reach are left out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

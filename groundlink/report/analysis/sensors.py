@@ -4,8 +4,6 @@
 Memory does not grow with the run: every n-th message is kept, and one cloud of each LiDAR.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from math import atan2, cos, hypot, radians, sin, sqrt
 from typing import Any

@@ -4,8 +4,6 @@
 Memory does not grow with the run: counts in bins, sums, and the largest gaps.
 """
 
-from __future__ import annotations
-
 import heapq
 from dataclasses import dataclass
 

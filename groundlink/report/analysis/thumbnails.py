@@ -4,8 +4,6 @@
 Only the pictures shown are decoded. Pictures of an unknown encoding are counted.
 """
 
-from __future__ import annotations
-
 import base64
 import io
 from dataclasses import dataclass, field

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plan of the world as a figure: obstacles and contour lines of the ground."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

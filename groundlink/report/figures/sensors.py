@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures of sensor readings compared with the ground truth."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ A figure is drawn in placeholder colors, which become variables of the style she
 The same data give the same bytes.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Iterator

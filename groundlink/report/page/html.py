@@ -4,8 +4,6 @@
 All text is escaped here, once; `Markup` is HTML already.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from html import escape
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Section about missing readings: every gap with its cause, the first ones of long lists."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from groundlink.core.clock import NANOS

@@ -4,8 +4,6 @@
 Sections without data are left out. Terms are those of the tables of `groundlink up`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.resources import files

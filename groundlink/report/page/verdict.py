@@ -4,8 +4,6 @@
 A run is fine only if no bar of the page is orange or red.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from groundlink.monitor.run_monitor import RATE_TOLERANCE

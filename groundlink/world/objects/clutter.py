@@ -4,8 +4,6 @@
 A random place where the object would overlap or stick out is drawn again.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from groundlink.world.bounds import Bounds, bounds, overlap

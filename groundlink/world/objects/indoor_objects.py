@@ -6,8 +6,6 @@ places them in the world. Positions are rounded to a micrometer and quaternions 
 cosine differ in the last bit between processors, and the hash of a world must not.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass

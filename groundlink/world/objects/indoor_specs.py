@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Schema of a furnished room: walls, a door, furniture and clutter."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from msgspec import Meta

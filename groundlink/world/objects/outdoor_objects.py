@@ -6,8 +6,6 @@ it recognizable: physics and LiDARs handle each solid on its own. Objects on a s
 ground, so that nothing floats.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from itertools import pairwise, product

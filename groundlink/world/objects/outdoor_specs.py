@@ -5,8 +5,6 @@ A scenario gives position and size. The loader fills in the height of the ground
 builder never reads the terrain. `outdoor_objects` turns each object into solids.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise

@@ -11,8 +11,6 @@ acknowledgements arrive in order in one inbox, and physics publishes its own str
 state that sensors acknowledge. `states` has the table of states and events.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 

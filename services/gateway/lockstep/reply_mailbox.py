@@ -4,8 +4,6 @@
 The receive thread of the link puts messages in, the main thread takes them out.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 

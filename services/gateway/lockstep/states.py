@@ -4,8 +4,6 @@
 An event that has no row for a state cannot occur in that state, or is not looked for there.
 """
 
-from __future__ import annotations
-
 from enum import Enum, auto
 
 

@@ -5,8 +5,6 @@
 index within a body. Poses and velocities are those of a body's center of mass in the world frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The backend that runs PyBullet. Each backend is a world of its own."""
 
-from __future__ import annotations
-
 import os
 import sys
 import tempfile

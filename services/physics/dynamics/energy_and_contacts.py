@@ -5,8 +5,6 @@ Recording does not influence the motion. The solid that a contact point belongs 
 only when contacts are reported.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -7,8 +7,6 @@ share bodies, since each body costs time in every step even when nothing touches
 body of its own.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -10,8 +10,6 @@ A map of 15 km as one heightfield would take gigabytes: Bullet needs 1 to 2 kB f
 reports nothing when it runs out of room.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from math import ceil
 from typing import Protocol

@@ -5,8 +5,6 @@ A command waits until the loop executes it between two ticks; its sender waits f
 a run is restored it stands still, and commands that would change it are refused.
 """
 
-from __future__ import annotations
-
 import queue
 from collections.abc import Callable
 from concurrent.futures import Future

@@ -4,8 +4,6 @@
 All that a reset starts anew is here, and nothing else: processes and their connections stay.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping, Sequence
 

@@ -5,8 +5,6 @@ Messages have the declared rate and the stamps of their instants, as a sensor's 
 an instant between two ticks the states of both are interpolated. Covariances are zero.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

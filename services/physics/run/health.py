@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Health of a run as physics sees it: its speed, stalled processes and missing readings."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 from groundlink.bus.core_topics import HEALTH

@@ -5,8 +5,6 @@ Time and acknowledgements come in as arguments. A pacer returns how long to wait
 itself. `stall_policy` decides what to do about a participant that holds up the run.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import inf
 

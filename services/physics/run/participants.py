@@ -4,8 +4,6 @@
 Ticks and acknowledgements come in as arguments; nothing here reads a clock.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping
 
 from groundlink.messages.base import Ack

@@ -4,8 +4,6 @@
 The bus delivers on its own threads; the loop that steps takes what has come between two ticks.
 """
 
-from __future__ import annotations
-
 import queue
 from collections.abc import Iterable
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What physics publishes: on the bus, or nowhere for an episode that is being restored."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ Every entry takes effect before the same step as the first time. Nothing is publ
 no clock is read: the caller says how many steps to take at a time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 

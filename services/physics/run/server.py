@@ -4,8 +4,6 @@
 Everything that changes a run happens here, between two ticks.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 import time

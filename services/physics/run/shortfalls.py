@@ -6,8 +6,6 @@ begins and one when it ends. Readings that faults remove do not count, nor do th
 sensor joined the run.
 """
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from collections.abc import Mapping
 from typing import NamedTuple

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Options that say what to simulate: a scenario, or a saved run to continue or replay."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import NamedTuple

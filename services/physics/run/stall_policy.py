@@ -5,8 +5,6 @@ Time comes in as an argument, log lines come out. A process is reported once it 
 for the scenario's deadline, once per stall, and again when it responds.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection
 

@@ -5,8 +5,6 @@ The due time of a tick is one multiplication from that of tick 0, never a sum of
 of single steps does not add up.
 """
 
-from __future__ import annotations
-
 from groundlink.core.clock import TICK_SECONDS
 
 

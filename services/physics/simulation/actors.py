@@ -6,8 +6,6 @@ next pose, so that contacts push. Wheels touch no actor: as with obstacles, chas
 counts as the box around it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -9,8 +9,6 @@ Kinetic damping: all motion is taken away whenever it begins to slow down. Other
 swing beyond their rest, and a tall vehicle would tip over.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from contextlib import closing
 

@@ -4,8 +4,6 @@
 The same calls give the same bytes. Nothing here reads a clock or knows how fast time should pass.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence, Set
 from struct import Struct
 from types import TracebackType

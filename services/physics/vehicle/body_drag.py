@@ -5,8 +5,6 @@ All vectors are in the base frame. Damping takes a share of the velocity each se
 engines.
 """
 
-from __future__ import annotations
-
 from math import sqrt
 
 from groundlink.core.fields import Vector3

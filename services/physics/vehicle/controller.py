@@ -5,8 +5,6 @@ Sim time comes in as an argument. A command acts in the first step at or after i
 motor's latency), until a newer one acts or it is older than the drive's timeout.
 """
 
-from __future__ import annotations
-
 from bisect import insort
 from collections.abc import Sequence
 from math import isfinite, radians

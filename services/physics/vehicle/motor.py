@@ -6,8 +6,6 @@ in a line with its speed; less voltage moves the line down in parallel. Heat in 
 from the same two figures: holding a torque t costs t^2 w0 / T.
 """
 
-from __future__ import annotations
-
 from math import sqrt
 
 from groundlink.core.clock import TICK_SECONDS

@@ -6,8 +6,6 @@ To the backend, wheels are spheres without friction that slide on springs: turni
 steering are here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import cos, sin, sqrt
 from typing import NamedTuple

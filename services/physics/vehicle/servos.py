@@ -5,8 +5,6 @@ Sim time comes in as an argument. A command acts in the first step at or after i
 newer one names the same joint. A joint moves at its `max_speed` or slower.
 """
 
-from __future__ import annotations
-
 from bisect import insort
 from collections.abc import Sequence
 from math import isfinite

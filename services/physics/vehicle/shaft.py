@@ -5,8 +5,6 @@ Solved implicitly, so that neither a light wheel nor a stiff tread makes it osci
 its target speed within its torque.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from groundlink.core.clock import TICK_SECONDS

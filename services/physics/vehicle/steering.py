@@ -5,8 +5,6 @@ One class for skid steering, one for Ackermann steering. The actual speed of a s
 motor and on the ground.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import atan, copysign, hypot, tan
 

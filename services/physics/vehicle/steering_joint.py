@@ -5,8 +5,6 @@ The tire's footprint resists, a strip as long as the wheel is wide. At standstil
 rub; the faster the wheel rolls, the less it resists.
 """
 
-from __future__ import annotations
-
 from math import radians
 
 from groundlink.core.clock import TICK_SECONDS

@@ -7,8 +7,6 @@ Coulomb's, the same in every direction of the ground unless the tire has an `axl
 sticks, the tread is a spring and damper and does not creep; it slips at its friction limit.
 """
 
-from __future__ import annotations
-
 from math import sqrt
 
 from groundlink.core.clock import TICK_SECONDS

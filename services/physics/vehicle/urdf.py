@@ -7,8 +7,6 @@ along the base's z, held by a spring's force. It neither turns nor steers here: 
 sphere are the same, and half as many links take half the time. The running gear does both.
 """
 
-from __future__ import annotations
-
 from xml.etree import ElementTree
 
 import numpy as np

@@ -5,8 +5,6 @@ States are in the frames of the model (the base link's origin, not the center of
 model's order of links and wheels.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import cos, sin
 from struct import Struct

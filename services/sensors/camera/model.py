@@ -6,8 +6,6 @@ row's exposure. The CameraInfo has the same stamp and describes the lens that th
 with.
 """
 
-from __future__ import annotations
-
 from groundlink.messages.base import BusMessage
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import Camera

@@ -5,8 +5,6 @@ The encodings follow REP 118 and the codec of image_transport. A pixel without d
 depth in every encoding.
 """
 
-from __future__ import annotations
-
 import struct
 
 import cv2

@@ -8,8 +8,6 @@ eye with a pixel in the same row of the right eye, `disparity` = f baseline / z 
 The effect of texture on matching is not modeled.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

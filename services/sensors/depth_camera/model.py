@@ -6,8 +6,6 @@ that of the middle of the exposure. The lens distorts depth and color alike; oth
 and image sensor apply to color only. Only outputs that the scenario enables are computed.
 """
 
-from __future__ import annotations
-
 from groundlink.messages.base import BusMessage
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import DepthCamera

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks of wheel encoders against their vehicle."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from groundlink.core.errors import did_you_mean

@@ -5,8 +5,6 @@ This module decides when the counters are read. `services.sensors.runtime.wheel_
 the counts. The stamp of a reading is its schedule event, and the counts are those of that instant.
 """
 
-from __future__ import annotations
-
 from groundlink.core.clock import TICK_NANOS, Schedule
 from groundlink.messages import base as messages
 from groundlink.scenario import sensors

@@ -7,8 +7,6 @@ needs of earlier readings. Faults act in the order of the table: first on the me
 the device, its clock, its output and the transport.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, cast

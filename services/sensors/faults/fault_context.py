@@ -4,8 +4,6 @@
 `FaultHistory` holds all that a successor process needs. Each reading gets a copy of its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -24,7 +22,7 @@ class FaultHistory(NamedTuple):
     events: dict[int, int]
     """Numbers of the last events of a lower rate that had a reading."""
 
-    def of(self, faults: Iterable[Fault]) -> FaultHistory:
+    def of(self, faults: Iterable[Fault]) -> "FaultHistory":
         """Return a copy for these faults."""
         ticks = {fault.begin_tick for fault in faults}
         return FaultHistory(

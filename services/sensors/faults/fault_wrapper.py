@@ -6,8 +6,6 @@ readings, so a successor continues with the same bytes; delayed readings are not
 made again. Faults act on a `Reading` only, not on ground truth.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple, cast

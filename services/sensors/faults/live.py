@@ -6,8 +6,6 @@ scenario with the fault from that tick on gives the same readings. Commands come
 no state is taken while one is executed.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 

@@ -5,8 +5,6 @@ A value that is none (NaN, infinite) stays as it is. Covariances stay: a broken 
 that it is broken.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache, partial
 from typing import Any

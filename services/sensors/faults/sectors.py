@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sectors of a turning head: which azimuths a covered sector holds."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks of a satellite receiver against its scenario."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from groundlink.scenario.schema import Scenario, Vehicle

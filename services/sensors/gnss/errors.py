@@ -5,8 +5,6 @@ An error is a function of the seed, the sensor's name and the number of the fix;
 on the start time of the process. Random numbers are drawn for every fix, including lost ones.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from groundlink.core.clock import Schedule

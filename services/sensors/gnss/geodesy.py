@@ -5,8 +5,6 @@ All functions are pure and take single values: plain floats in radians and meter
 ellipsoid, without a geoid, plate motion or other datums.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -36,7 +34,7 @@ class Geodetic(NamedTuple):
     """Height above the ellipsoid, along its normal."""
 
     @classmethod
-    def of_degrees(cls, latitude_deg: float, longitude_deg: float, altitude_m: float) -> Geodetic:
+    def of_degrees(cls, latitude_deg: float, longitude_deg: float, altitude_m: float) -> "Geodetic":
         """Return the point with these coordinates."""
         return cls(math.radians(latitude_deg), math.radians(longitude_deg), altitude_m)
 

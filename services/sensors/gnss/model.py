@@ -14,8 +14,6 @@ returns at once, with its earlier quality. Multipath, false fixes and the time t
 ambiguities again are not modeled.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ Reception depends only on the instant and on the current positions, not on earli
 satellite that becomes visible is received at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

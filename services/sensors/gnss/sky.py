@@ -5,8 +5,6 @@ Satellites do not move and are either visible or hidden. Signals are neither ref
 reflected, so tall walls hide satellites but cause no multipath.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -6,8 +6,6 @@ the start time of the process. A restarted process therefore continues with the 
 Temperature and vibration have no effect, and scale errors do not depend on the measured magnitude.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -7,8 +7,6 @@ weights are exactly those of the continuous filter, except for the tail, which i
 step response is within one billionth of its final value.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Protocol

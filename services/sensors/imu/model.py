@@ -20,8 +20,6 @@ published sample is the first whose window began after two states were received 
 full.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 

@@ -15,8 +15,6 @@ differences are taken at the sensor's position, so they contain the centripetal 
 the lever arm.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

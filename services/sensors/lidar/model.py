@@ -6,8 +6,6 @@ in the sensor's frame at the instant of its ray, as published by a driver withou
 compensation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -9,8 +9,6 @@ adds the constants of all devices, 55.296 us between firings and 2.304 us betwee
 the rotation rate from the packet's own azimuths.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -8,8 +8,6 @@ cloud that completes it. A packet with missing firings is not sent. A position p
 14th data packet, as on the device.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

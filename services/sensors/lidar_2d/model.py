@@ -10,8 +10,6 @@ follow REP 117: -inf below the minimum range, +inf without a return. A scanner c
 lost echo from no echo, so there is no NaN.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@
 The numbers depend on the generator's state alone, not on how many are drawn at a time.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Protocol

@@ -5,8 +5,6 @@ A sensor that is restarted, delayed or runs on another machine draws the same nu
 is used for one measurement only.
 """
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np

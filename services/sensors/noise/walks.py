@@ -7,8 +7,6 @@ with an hour of sim time. The values within a block are drawn on their own and t
 bridge), so they need nothing else of the past. The process is exact at every tick.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fault effects on a measured distance."""
 
-from __future__ import annotations
-
 import numpy as np
 from msgspec.structs import replace
 

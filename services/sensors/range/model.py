@@ -13,8 +13,6 @@ Values follow REP 117: -inf below the minimum range, +inf for no return or above
 NaN for a measurement that the device reports as failed.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

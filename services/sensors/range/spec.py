@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Specification of a range finder in a scenario. The defaults are those of an ideal sensor."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ray engine for machines without Embree: plain C, the same ranges, two to eight times slower."""
 
-from __future__ import annotations
-
 import ctypes
 from ctypes import c_void_p
 

@@ -10,8 +10,6 @@ revolution of 100 bodies through 41 poses, and their linearly interpolated matri
 bodies toward their axis. `tracer.c` moves the rays instead.
 """
 
-from __future__ import annotations
-
 import ctypes
 import importlib.util
 import weakref

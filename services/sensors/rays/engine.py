@@ -5,8 +5,6 @@ An engine knows no motion; `tracer.c` handles motion and computes the exact hit 
 all engines give the same ranges, except for rays within some micrometers of an edge.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from ctypes import c_void_p
 from dataclasses import dataclass
@@ -48,7 +46,7 @@ class SceneMeshes:
     """Shape (meshes + 1,): where the faces of each mesh begin, and the end."""
 
     @classmethod
-    def joined(cls, meshes: Sequence[Triangles]) -> SceneMeshes:
+    def joined(cls, meshes: Sequence[Triangles]) -> "SceneMeshes":
         """Join meshes."""
         first_vertex = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
         first_triangle = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])

@@ -5,8 +5,6 @@ Functions take addresses of C-contiguous arrays. Each has one caller, which ensu
 and documents the computation.
 """
 
-from __future__ import annotations
-
 import ctypes
 import importlib.util
 from ctypes import c_double, c_float, c_int32, c_size_t, c_void_p

@@ -4,8 +4,6 @@
 For range finders and the like; a LiDAR's sweep has an instant for each ray.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

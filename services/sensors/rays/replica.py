@@ -5,8 +5,6 @@ Every solid and every material of the terrain has a label in the scene and a ref
 static solids, then the terrain, then the links, each of which is a body of the scene.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

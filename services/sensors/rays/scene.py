@@ -6,8 +6,6 @@ and orientations by nlerp. Ranges are exact within float32: origins of rays are 
 4 micrometers at 100 m from the world's origin, 0.25 mm at 7 km.
 """
 
-from __future__ import annotations
-
 import ctypes
 import sys
 from collections.abc import Sequence

@@ -5,8 +5,6 @@ A block of a pyramid holds the greatest height in it; the second pyramid, for ra
 upside down. Both together take 2.7 bytes a cell, heights and surface 5.
 """
 
-from __future__ import annotations
-
 import ctypes
 from ctypes import c_double, c_int32, c_void_p
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bounding volume trees, built by `tree.c` and traversed by the other loops in C."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -6,8 +6,6 @@ The process joins a run like the camera itself, takes one picture, writes files,
 are installed.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 from pathlib import Path

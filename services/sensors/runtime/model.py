@@ -5,8 +5,6 @@ A model reads no clock, bus or socket. It receives every state in order and with
 construction or its last `restart`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 

@@ -5,8 +5,6 @@ Datagrams are sent when a reading is published. They are not acknowledged or rep
 receiver has no effect on the run.
 """
 
-from __future__ import annotations
-
 import socket
 from typing import Any
 

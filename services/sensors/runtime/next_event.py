@@ -5,8 +5,6 @@ A model yields at most one measurement per state, because no rate exceeds the ti
 that measure over an interval (an IMU sample, a LiDAR block) have their own timing.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from groundlink.core.clock import Schedule

@@ -7,8 +7,6 @@ decimal, so that 59.99999 minutes never become 60. Format: NMEA 0183 with the mo
 a minute. They exceed the standard's limit of 82 characters, as those of real receivers do.
 """
 
-from __future__ import annotations
-
 import math
 from datetime import UTC, datetime
 from typing import NamedTuple

@@ -6,8 +6,6 @@ due according to the number of waiting states, the picture is left out and repor
 Otherwise the camera would stay late. Subclasses draw the pictures.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Protocol

@@ -4,8 +4,6 @@
 A sensor behaves the same in its own process and in a process shared with other sensors.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 from contextlib import ExitStack

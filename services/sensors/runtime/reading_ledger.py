@@ -6,8 +6,6 @@ reading is published or when the sensor has passed the gap's time. Models report
 omissions. Gaps published shortly before a link failure may be lost, so they are published again.
 """
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from typing import NamedTuple

@@ -6,8 +6,6 @@ reports missing readings. If no participant waits for the sensor and too many st
 runner drops all but the newest state.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import msgspec

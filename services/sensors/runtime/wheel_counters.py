@@ -17,8 +17,6 @@ The memory consists of missed ticks, resets and slip. No ticks are missed and no
 states are lost.
 """
 
-from __future__ import annotations
-
 import math
 
 import msgspec

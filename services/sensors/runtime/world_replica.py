@@ -4,8 +4,6 @@
 It is built from the scenario and updated only by states. LiDARs and cameras share this class.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

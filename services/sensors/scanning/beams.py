@@ -6,8 +6,6 @@ of the light. All rays of a beam have the same pointing error, which is drawn fo
 the reported direction is the nominal one. A beam without divergence and error is one ray.
 """
 
-from __future__ import annotations
-
 import ctypes
 import math
 from typing import NamedTuple

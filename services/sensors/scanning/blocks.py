@@ -6,8 +6,6 @@ firing has begun. The last block ends where the next revolution begins, or with 
 head does not fire until then.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from groundlink.core.clock import NANOS, TICK_NANOS

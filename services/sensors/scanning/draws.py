@@ -5,8 +5,6 @@ Every ray has its own numbers, whether it returns or not and whatever block it i
 not change another ray's noise, and blocks have the same numbers as the whole revolution.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -9,8 +9,6 @@ noise, the laser's bias, rounding, limits, dropout. Surfaces are hit from either
 Not modeled: the pulse's shape, cross-talk, sunlight, mirrors, glass.
 """
 
-from __future__ import annotations
-
 import ctypes
 from ctypes import c_float, c_int32, c_size_t, c_void_p
 from typing import NamedTuple
@@ -60,7 +58,7 @@ class Returns(NamedTuple):
     ray: Numbers
     """Number within its beam of the ray that returned most of the light; 0 for none."""
 
-    def of(self, firings: slice) -> Returns:
+    def of(self, firings: slice) -> "Returns":
         """Return views of some of these firings."""
         return Returns._make(array[..., firings] for array in self)
 

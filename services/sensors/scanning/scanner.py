@@ -10,8 +10,6 @@ A block is left out and marked when, by the number of waiting states, it is due 
 surface nearer than the minimum range gives no return and hides what is behind it.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from groundlink.core.clock import NANOS, TICK_NANOS, Schedule

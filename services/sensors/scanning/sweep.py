@@ -7,8 +7,6 @@ a firing, so a later laser is ahead of its firing. An encoder with steps is read
 leave where they are reported. Outside a view of less than a whole turn there are no firings.
 """
 
-from __future__ import annotations
-
 import ctypes
 from ctypes import c_double, c_size_t, c_void_p
 

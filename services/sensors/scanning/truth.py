@@ -10,8 +10,6 @@ differently (`rays.scene`): on the tread of a wheel of 0.2 m at 20 rad/s, the tw
 0.06 mm apart.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -19,8 +19,6 @@ before the nearest surface the first counts. The reflectance of a drop and the b
 are our own estimates.
 """
 
-from __future__ import annotations
-
 import ctypes
 import math
 from ctypes import c_float, c_size_t, c_void_p

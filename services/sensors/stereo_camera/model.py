@@ -7,8 +7,6 @@ Each eye has its own noise. All messages have the left eye's frame, as is usual 
 ROS, and the same stamp.
 """
 
-from __future__ import annotations
-
 from groundlink.messages.base import BusMessage
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import StereoCamera

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fault effects on wheel odometry."""
 
-from __future__ import annotations
-
 import math
 
 from msgspec.structs import replace

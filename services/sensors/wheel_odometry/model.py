@@ -9,8 +9,6 @@ same holds for sideways velocity. A step that exceeds the speed of the wheels, a
 reset, counts as no motion.
 """
 
-from __future__ import annotations
-
 import math
 
 import msgspec

@@ -11,8 +11,6 @@ vehicle skids per m/s^2 of lateral acceleration. The derivatives of the pose by 
 summed along the path.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

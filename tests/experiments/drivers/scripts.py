@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drivers are scripts of other environments; here they are loaded as modules."""
 
-from __future__ import annotations
-
 import importlib.util
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What ORB-SLAM3 did with the frames is told as it was; a stand-in does it here."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Iterator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What drivers read of a bag is what was written to it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

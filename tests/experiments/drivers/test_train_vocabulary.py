@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The vocabulary: similar features are one word, and the file is what DBoW2 reads."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from experiments.drivers.train_vocabulary import BYTES, as_text, distances, part, train

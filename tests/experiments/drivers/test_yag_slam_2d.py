@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is done to scans before yag-slam gets them: chosen, and straightened by odometry."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Folders of credentials, and the certificates in them."""
 
-from __future__ import annotations
-
 import datetime
 import json
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The bus as an interface for others: MessagePack of any library, and `docs/bus.md`."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The bus over real Zenoh: one router, clients, everything on this host's loopback."""
 
-from __future__ import annotations
-
 import socket
 import time
 from collections.abc import Callable, Iterator

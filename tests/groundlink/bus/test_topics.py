@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The table of topics holds together: every row is used, and keys never clash."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import get_args, get_type_hints

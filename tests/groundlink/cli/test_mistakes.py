@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mistakes at the command line that need no run: one line on stderr, and the exit code."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

@@ -1,6 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
-from __future__ import annotations
-
 from itertools import pairwise
 
 from groundlink.core.backoff import FIRST_SECONDS, MAX_SECONDS, Backoff

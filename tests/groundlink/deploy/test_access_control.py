@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Access rules: the grants against the tables of topics and queries."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The model against theory: shares, bursts, times, and counts that add up. All seeded."""
 
-from __future__ import annotations
-
 import math
 import random
 from itertools import groupby, pairwise

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scripts are played as written, and mistakes in them are told before anything starts."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

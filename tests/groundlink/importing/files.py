@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small valid files of every format, for tests that read them and tests that break them."""
 
-from __future__ import annotations
-
 import base64
 import json
 import struct

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bad files: each is one line that names the file, in little time, and never anything else."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import struct

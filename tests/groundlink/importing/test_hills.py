@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hills: the same for a seed, as high and as smooth as told, large ones in little time."""
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np

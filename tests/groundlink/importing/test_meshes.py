@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Meshes of every format: in meters, z up, painted as in their files; scans as discs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Terrain from files: the same ground whatever the format, and its materials in place."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Terrain and meshes of a scenario's files: resolved to digests, everything on the ground."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import msgspec

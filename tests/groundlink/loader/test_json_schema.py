@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The schemas that editors get agree with what is shipped and with what `load` refuses."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several vehicles have namespaced topics, commands and frames; a single vehicle has none."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Things outdoors in scenario files: put on the ground, and sown where there is room."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every mistake in a scenario is one line that names file, line, field and mend."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A scenario in another time than its file says."""
 
-from __future__ import annotations
-
 import argparse
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `top` knows: states, rates, restarts, all from words and comings and goings."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

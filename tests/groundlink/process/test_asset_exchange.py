@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Assets over the bus, between two stores: whole, unchanged, and nothing but what is named."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -132,7 +130,7 @@ class _Server:
         self._store = store
         self.asked = 0
 
-    def __enter__(self) -> _Server:
+    def __enter__(self) -> "_Server":
         serve = self._bus.serve
 
         def counted(key: str, answer) -> None:  # type: ignore[no-untyped-def]

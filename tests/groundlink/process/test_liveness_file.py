@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The file that a process touches as long as it is well."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Of processes of one name that start at the same instant, over real Zenoh, one goes on."""
 
-from __future__ import annotations
-
 import os
 import socket
 import threading

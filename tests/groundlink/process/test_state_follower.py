@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who is waited for has every state, whatever the bus loses; the bus is stood in for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, cast

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was recorded and what comes again: equal, different, missing, new, left out, unfinished."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

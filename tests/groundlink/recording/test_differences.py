@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The field in which two messages differ is named, whatever the message is."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 from typing import Any

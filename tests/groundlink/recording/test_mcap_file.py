@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The file is whole after every commit, whatever ends its writer."""
 
-from __future__ import annotations
-
 import errno
 import io
 import itertools

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is no recording becomes one line for its user."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every type of a recording as ROS 1 has it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

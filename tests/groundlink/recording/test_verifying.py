@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What of a recording can be compared, and how its run is told again."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal

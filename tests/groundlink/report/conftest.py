@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording that was made up: a rover on a circle, a camera, losses, a gap and a bump."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import cos, sin
 from pathlib import Path

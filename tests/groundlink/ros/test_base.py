@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a base tells ROS, from messages that were made up."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable

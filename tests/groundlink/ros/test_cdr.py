@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of the bus become ROS messages, byte for byte, and those from ROS come back."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

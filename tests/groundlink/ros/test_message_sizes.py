@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `groundlink check` says of sizes is what the bridge does and what sensors send."""
 
-from __future__ import annotations
-
 import argparse
 from typing import Any, Literal
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gaps become a message of ROS's own types, and come back from it."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was recorded becomes the same bytes again, whatever the message was."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

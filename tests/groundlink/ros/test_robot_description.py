@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The URDF that a stack gets of each shipped vehicle."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from xml.etree import ElementTree

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Vitals become a message of ROS's own types, and come back from it."""
 
-from __future__ import annotations
-
 import pytest
 
 from groundlink.messages.vitals import BatteryState, Contact, Vitals

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was saved is what is read, and all else is told in one line."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

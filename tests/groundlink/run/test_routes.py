@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every kind of route is the line that its words say."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Actors in files: what is allowed, and what a mistake is told as."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

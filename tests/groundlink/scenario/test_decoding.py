@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scenarios of machines that have sensor kinds which this one lacks."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgspec

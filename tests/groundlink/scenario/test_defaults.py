@@ -5,8 +5,6 @@ After a change on purpose: `python -m tests.groundlink.scenario.test_defaults` w
 anew, and its difference says what changed for users.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from contextlib import suppress

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faults in a scenario: what they say, when they are, and what is refused with its place."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import msgspec

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What drives take, what they refuse, and which wheels turn together."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgspec

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The registry of sensor kinds: entry points, names, and what importing it loads."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tomllib

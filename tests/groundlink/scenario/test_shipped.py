@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What comes with Groundlink comes with its package, too, and not only with a checkout."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

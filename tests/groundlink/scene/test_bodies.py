@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every body has one number and one name, whoever counts."""
 
-from __future__ import annotations
-
 import pytest
 from msgspec.structs import replace
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The world that is built from a scenario."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from functools import cache

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Things come into a scenario and go; all else stays as it is."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

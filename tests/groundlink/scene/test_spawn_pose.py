@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where vehicles stand at their start."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from msgspec.structs import replace

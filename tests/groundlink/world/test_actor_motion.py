@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where actors are: on their way, in time, and without a jump."""
 
-from __future__ import annotations
-
 from math import degrees, dist, hypot, inf, pi
 
 import msgspec

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The store: what is kept comes back, what is damaged is missing, nothing half-written shows."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

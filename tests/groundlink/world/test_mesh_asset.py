@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Meshes in the store come back as they were, and what is none is one line."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

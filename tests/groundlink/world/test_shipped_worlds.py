@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The worlds that come with Groundlink: they build, stand on their ground, and leave ways free."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import radians
 from pathlib import Path

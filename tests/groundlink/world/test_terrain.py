@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Terrain: heights on the very triangles that Bullet has, from the store and in the world."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from msgspec.structs import replace

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Triangles of shapes: closed, wound outwards, in place, and near enough to the true surface."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -4,8 +4,6 @@
 Where a change is intended, replace the table.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from groundlink.loader import load

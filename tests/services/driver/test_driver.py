@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a driver says to the run, and when."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from groundlink.core.clock import TICK_NANOS

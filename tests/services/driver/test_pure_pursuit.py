@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The driver on the simulated rover: how near it stays to its line, and that it ends."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import atan2, cos, hypot, inf, pi, radians, sin
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The gateway's sockets: emulation, guard and seal around a real one, between real links."""
 
-from __future__ import annotations
-
 import socket
 import threading
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A gateway that waits for nobody in ROS, between clocks of the bus and a stand-in of the rest."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The gateway between a stand-in of the link and a list of commands."""
 
-from __future__ import annotations
-
 import math
 import struct
 from typing import Any

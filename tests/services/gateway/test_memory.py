@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A gateway that takes up another one's work sends nothing twice."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from groundlink.messages.base import Ack, Clock, Imu, encode

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readings that never came to the gateway are counted by topic, and nothing else is."""
 
-from __future__ import annotations
-
 import pytest
 
 from groundlink.loader import load

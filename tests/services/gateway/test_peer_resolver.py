@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The peer's address, looked up again."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keys, tokens and attachments by rmw_zenoh's own examples; then a session in a node's place."""
 
-from __future__ import annotations
-
 import struct
 import time
 from collections.abc import Callable, Iterator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each run command from ROS is executed once and answered each time it comes; nothing blocks."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Iterator

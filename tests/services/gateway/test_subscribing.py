@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A program that knows PROTOCOL.md alone subscribes at a gateway's socket, and ends it again."""
 
-from __future__ import annotations
-
 import socket
 import threading
 from collections.abc import Iterator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The relay between real links on loopback, in this process and as a command."""
 
-from __future__ import annotations
-
 import json
 import signal
 import socket

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A backend without contacts: bodies with mass follow gravity and forces, joints stay where set."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plain grounds and the shipped vehicles on them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run without its processes: a pace, its stall policy, and sensors."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Worlds of terrain and shipped vehicles on them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Things come into a world that is being simulated, and go; nothing else notices."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

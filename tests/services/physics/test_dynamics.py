@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each parameter of the dynamic model does what it says: other values of it, other motions."""
 
-from __future__ import annotations
-
 from math import degrees, exp, sqrt
 from typing import Any
 

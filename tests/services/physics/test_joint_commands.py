@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands of joints from ROS to the states: read, taken in, journaled, done again."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The process around the simulation: when its time begins."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

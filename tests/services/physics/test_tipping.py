@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Vehicles tip across a slope where the statics of their springs says."""
 
-from __future__ import annotations
-
 from math import atan2, cos, degrees, radians, sin
 
 import pytest

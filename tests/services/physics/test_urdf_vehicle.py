@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A vehicle that came as a URDF drives like any other."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every shipped vehicle can: drive, turn, climb, stand, and stay in the world."""
 
-from __future__ import annotations
-
 from math import asin, degrees, radians, tan
 
 import numpy as np

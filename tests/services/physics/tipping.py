@@ -5,8 +5,6 @@ A cross-section of rigid chassis and wheels on springs, without an engine: at ea
 heaves and leans until its potential energy is least. Wheels do not slip, treads do not bend.
 """
 
-from __future__ import annotations
-
 from math import atan, cos, degrees, radians, sin
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording holds what ROS gets, and the truth under names of its own."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path

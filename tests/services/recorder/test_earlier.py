@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording of an earlier version: `/tf` has the truth, and what a base tells is not there."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

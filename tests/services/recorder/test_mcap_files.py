@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A file for each episode of physics, and never one over another; with it the run's journal."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

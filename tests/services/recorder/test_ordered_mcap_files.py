@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Equal runs give equal files, whenever their messages arrive and the journal is asked for."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable, Iterable
 from pathlib import Path

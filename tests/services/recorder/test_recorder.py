@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What of a run's messages becomes which record, without a bus."""
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 from pathlib import Path
 from typing import Any

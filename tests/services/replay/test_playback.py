@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a recording becomes on the bus, and when it is due."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The Allan deviation, written from its definition (IEEE Std 952-1997, annex C)."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

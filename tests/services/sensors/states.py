@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small scenarios and states for sensor models: one vehicle that moves as a test says."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Of every kind of sensor: what is due is what its model makes, and what it misses is told."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

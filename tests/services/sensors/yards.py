@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small worlds for sensors that look about, and states of a vehicle in them with all its links."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A client of Foxglove's WebSocket protocol that knows of ROS only what it is told."""
 
-from __future__ import annotations
-
 import json
 import struct
 import time

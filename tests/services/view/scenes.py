@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A rover that drives straight on at 1 m/s, and a recording that only remembers."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every message of a vehicle is drawn, in its place, and none ends the viewer."""
 
-from __future__ import annotations
-
 import io
 import struct
 from typing import Any

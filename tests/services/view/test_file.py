@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording is shown whole, without a run."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a Foxglove client gets: ROS 2 topics that it can read by what is advertised alone."""
 
-from __future__ import annotations
-
 import socket
 import time
 from collections.abc import Iterator

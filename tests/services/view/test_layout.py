@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The layout shows what the scenario has, and no empty panels."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import rerun.blueprint as rrb

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The panel says what the table of `groundlink up` says."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from groundlink.messages.base import Health, StreamReport

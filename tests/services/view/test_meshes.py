@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is drawn of the world: closed, shaded, in its colors, and open towards who looks in."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from groundlink.scene.vehicle_links import link_solids

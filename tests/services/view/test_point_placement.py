@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Points of a moving sensor land where they were measured."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """States that are made of the ground truth are those that physics told."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Terrain and meshes in a viewer: few triangles, in place, in their colors."""
 
-from __future__ import annotations
-
 from io import BytesIO
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A viewer that falls behind keeps the newest and counts the rest."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from groundlink.bus.inbox import BusInbox

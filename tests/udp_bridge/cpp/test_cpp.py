@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The C++ header against the vectors, and against the Python library on datagrams of all kinds."""
 
-from __future__ import annotations
-
 import hashlib
 import random
 import shutil

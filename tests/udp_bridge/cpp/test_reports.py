@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the C++ header reports and refuses, against the Python library."""
 
-from __future__ import annotations
-
 import struct
 import subprocess
 from pathlib import Path

@@ -4,8 +4,6 @@
 One process answers all queries: a runtime that starts for each of them would take minutes.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

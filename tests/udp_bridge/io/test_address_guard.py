@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a socket takes and sends behind each guard; `tests/bridge/test_attacks.py` attacks them."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

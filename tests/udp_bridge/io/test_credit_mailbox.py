@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Credits are kept while nobody waits for one, and none of them is lost or taken by mistake."""
 
-from __future__ import annotations
-
 import random
 import socket
 import threading

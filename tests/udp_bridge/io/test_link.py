@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Real sockets on loopback. Waiting is always for a condition, never for a time."""
 
-from __future__ import annotations
-
 import os
 import socket
 import threading

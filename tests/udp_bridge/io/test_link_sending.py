@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who sends when: nothing that waits is forgotten, whichever thread was sending."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence

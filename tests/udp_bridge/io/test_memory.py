@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Large bodies are copied into memory that was there before, in a thread as in a node."""
 
-from __future__ import annotations
-
 import resource
 import subprocess
 import sys

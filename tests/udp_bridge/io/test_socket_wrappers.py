@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Links over sealed and guarded sockets: real sockets on loopback, waiting for conditions."""
 
-from __future__ import annotations
-
 import socket
 import threading
 import time

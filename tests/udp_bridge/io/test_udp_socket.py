@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Native and portable batches do the same, over real sockets."""
 
-from __future__ import annotations
-
 import random
 import socket
 import struct

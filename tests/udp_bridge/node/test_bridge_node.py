@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The end that both nodes are, with a real link and a ROS that the test plays."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from typing import Any

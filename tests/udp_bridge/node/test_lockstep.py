@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node's half of lockstep between a gateway and a ROS that the test plays; no DDS, no clock."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Sequence
 from types import SimpleNamespace
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """When a message is published by the thread that received it, and when it waits for its turn."""
 
-from __future__ import annotations
-
 import pytest
 
 from udp_bridge.node.publish_queue import QUICK_SECONDS, _Channel

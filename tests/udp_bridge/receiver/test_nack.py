@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Requests of a receiver: first event by event, then over whole simulated links."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The receiving rules, each geometry by its name. Times are seconds here, for readability."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Batches of parts give the same messages, counts and memory as single datagrams."""
 
-from __future__ import annotations
-
 import random
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Erasure coding from the code itself to whole messages; links are simulated, times exact."""
 
-from __future__ import annotations
-
 import math
 import random
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keys are read or refused in one line that tells everything but the key."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

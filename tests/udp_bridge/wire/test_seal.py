@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is sealed opens once, at the other end, unchanged; everything else is refused by reason."""
 
-from __future__ import annotations
-
 import hashlib
 import random
 

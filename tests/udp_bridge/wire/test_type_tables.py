@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The table of types in `wire/types.py` is the one in every other language and document."""
 
-from __future__ import annotations
-
 import difflib
 import re
 

@@ -6,8 +6,6 @@ noise. Ideal lenses and image sensors cost nothing. The eyes of one camera expos
 and have equal lenses and image sensors; each has its own noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 

@@ -5,8 +5,6 @@ Camera and world are those of the requested instant, interpolated between two st
 decides when pictures are taken.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 from groundlink.core.clock import TICK_NANOS

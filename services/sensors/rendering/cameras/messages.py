@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures as messages of the bus."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import cv2

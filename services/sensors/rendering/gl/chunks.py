@@ -4,8 +4,6 @@
 Splitting moves no vertex and cuts no triangle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

@@ -5,8 +5,6 @@ The result is conservative: a box near a corner of the view may count as visible
 outside.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 
@@ -28,13 +26,13 @@ class Boxes:
         """Return the boxes between pairs of corners, each of shape (N, 3)."""
         return cls((lows + highs) / 2, (highs - lows) / 2)
 
-    def joined(self, others: Boxes) -> Boxes:
+    def joined(self, others: "Boxes") -> "Boxes":
         """Return these boxes followed by others."""
         return Boxes(
             np.vstack([self.middles, others.middles]), np.vstack([self.halves, others.halves])
         )
 
-    def picked(self, numbers: NDArray[np.intp]) -> Boxes:
+    def picked(self, numbers: NDArray[np.intp]) -> "Boxes":
         """Return the boxes with these indices."""
         return Boxes(self.middles[numbers], self.halves[numbers])
 
@@ -44,7 +42,7 @@ class Boxes:
         distances: Floats = np.linalg.norm(apart, axis=1)
         return distances
 
-    def whole(self) -> Boxes:
+    def whole(self) -> "Boxes":
         """Return one box around all boxes; no box for none."""
         if not len(self.middles):
             return self

@@ -5,8 +5,6 @@ Heights are stored once, as a texture. A picture needs one draw call for the pat
 `ground_levels` selects.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import moderngl

@@ -6,8 +6,6 @@ half a pixel. A patch has `SIDE` by `SIDE` cells. On level n a cell spans 2 ** n
 terrain, less at the far edges of the map. Errors are upper bounds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ Pixel centers are at integers, as in ROS and OpenCV: the picture spans from -0.5
 optical frame is x right, y down, z forward (REP 103).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -37,7 +35,7 @@ class Pinhole:
     near_m: float = NEAR_M
 
     @classmethod
-    def of(cls, spec: Optics, *, radius: Callable[[float], float] = math.tan) -> Pinhole:
+    def of(cls, spec: Optics, *, radius: Callable[[float], float] = math.tan) -> "Pinhole":
         """Return the pinhole of a scenario's camera: from its K, or from angles about its middle.
 
         An angle spans from edge to edge: f = size / 2 / radius(angle / 2). `radius` is the distance

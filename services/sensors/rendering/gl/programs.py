@@ -4,8 +4,6 @@
 Squares and square roots approximate the sRGB curve: 2.0 is close to 2.2 and costs nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -6,8 +6,6 @@ renderer has one context, which is current while it draws, and one picture size.
 of view (two eyes, the poses during an exposure) draw several times.
 """
 
-from __future__ import annotations
-
 import weakref
 from collections.abc import Collection
 from dataclasses import replace

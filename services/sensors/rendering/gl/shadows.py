@@ -8,8 +8,6 @@ one more map covers the area around the eye. Terrain is in no map: `ground_paint
 shadows.
 """
 
-from __future__ import annotations
-
 import moderngl
 import numpy as np
 

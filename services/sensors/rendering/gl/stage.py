@@ -5,8 +5,6 @@ The stage knows where things are and how they are drawn, and nothing of cameras,
 Static objects are uploaded once; a move uploads matrices only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol

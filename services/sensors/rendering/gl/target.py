@@ -6,8 +6,6 @@ pixels. Depth and labels are those at the pixel's center and are never averaged.
 first.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

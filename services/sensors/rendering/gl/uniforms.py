@@ -4,8 +4,6 @@
 A uniform that the compiler has removed as unused is skipped.
 """
 
-from __future__ import annotations
-
 import moderngl
 import numpy as np
 from numpy.typing import ArrayLike

@@ -5,8 +5,6 @@ Both depend on the terrain, its materials and the sun only, and are computed onc
 are computed here, in steps of a cell. They don't darken objects that stand in them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

@@ -5,8 +5,6 @@ An object is what a person would point at: a table with its legs, a vehicle with
 piece of clutter. Its class is its name without the number.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterable, Mapping
 

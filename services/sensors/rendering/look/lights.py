@@ -6,8 +6,6 @@ surface white in the picture. True luminances are not modeled, because a camera'
 them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ A mesh is what a renderer draws. `shapes` makes meshes of solids, `painted` of m
 their own.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ picture has its material's texture, a part without a color its material's color.
 are ignored: normals are smooth except across edges of `CREASE` and more.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

@@ -6,8 +6,6 @@ with a mean near 1; it repeats without a seam. Patterns have structure at every 
 surfaces, so corner detectors find features from near and far.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

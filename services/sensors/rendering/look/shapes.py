@@ -4,8 +4,6 @@
 The triangles are those that rays hit: `groundlink.world.triangles`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from zlib import crc32
 

@@ -7,8 +7,6 @@ it look alike, and programs that recognize places recognize the right one. `patt
 patterns.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple

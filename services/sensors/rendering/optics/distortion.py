@@ -6,8 +6,6 @@ applied. The formulas are those of OpenCV's `calib3d` and `fisheye`, so calibrat
 ROS finds the same numbers.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple

@@ -7,8 +7,6 @@ diameter. Blurs between those of `DIAMETERS` are mixed from two pictures. Larger
 modeled, nor is the seam between a sharp object and a blurred one behind it.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import cv2

@@ -11,8 +11,6 @@ Their number has Poisson noise, and reading adds its own (EMVA 1288, release 4.0
 variance of s is s g / N + (g r / N)^2.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

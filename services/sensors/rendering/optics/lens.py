@@ -7,8 +7,6 @@ the coefficients exactly; red and blue are scaled. Depth and labels are those of
 pixel: z stays along the optical axis. An ideal lens costs nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

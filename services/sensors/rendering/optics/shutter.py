@@ -6,8 +6,6 @@ to the last row's end. A row is the mean of linear light over its exposure. A ro
 of zero is that of the nearest drawn picture.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@
 The process joins no run: it loads files, draws once, and ends. `groundlink world show` starts it.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import threading

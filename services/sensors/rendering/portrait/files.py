@@ -4,8 +4,6 @@
 A JSON file beside the picture of labels maps its colors to objects.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

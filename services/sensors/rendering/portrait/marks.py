@@ -5,8 +5,6 @@ Frames behind surfaces are drawn too, because mounts are often inside a vehicle.
 other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2

@@ -4,8 +4,6 @@
 The same files and direction give the same picture, for one version of a driver.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -5,8 +5,6 @@ Everything is as at the start of a run. The ceiling, the walls towards the eye a
 left out, so that they hide nothing.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ Depth and labels are the truth behind the same lens at the middle of the exposur
 camera's noise and holes. A stereo pair's snapshot is that of its left eye.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from groundlink.core.clock import TICK_NANOS

@@ -4,8 +4,6 @@
 Directions are given as for the sun: azimuth clockwise from north, elevation up.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`groundlink check` says what a scenario would start."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

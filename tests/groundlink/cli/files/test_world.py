@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`groundlink world import`: says what it finds, and the world that it writes can be used."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stalled steps: each stalling process is named once."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from groundlink.cli.run.control import StallReporter

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The words of `groundlink fault`: what they mean, and one line where they mean nothing."""
 
-from __future__ import annotations
-
 import pytest
 
 from groundlink.cli.run.fault import parsed

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files that cannot be saved to or restored from, told before a run is looked for."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

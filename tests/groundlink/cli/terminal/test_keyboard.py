@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keys become velocities, and end by themselves."""
 
-from __future__ import annotations
-
 import pytest
 
 from groundlink.cli.terminal.keyboard import DEAD_MAN_SECONDS, Keyboard, keys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables of commands at 80 and 60 columns: no number is cut, and nothing is lost but columns."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 
@@ -23,7 +21,7 @@ class Recorded:
     def __init__(self, topics: dict[str, TopicFacts]) -> None:
         self.topics = topics
 
-    def __enter__(self) -> Recorded:
+    def __enter__(self) -> "Recorded":
         return self
 
     def __exit__(self, *error: object) -> None:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A cart as a URDF: two wheels whose frames lie on their sides, a caster and a camera on a mast."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from groundlink.loader import load

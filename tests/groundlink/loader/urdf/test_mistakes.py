@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every mistake in a URDF is one line that names file, line, element and mend."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A URDF becomes a vehicle like any other."""
 
-from __future__ import annotations
-
 import re
 import struct
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """When a way came by places, and how near."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

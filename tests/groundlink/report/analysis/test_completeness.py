@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sums of a recording: what was due is in it, or missing for a cause that somebody told."""
 
-from __future__ import annotations
-
 import pytest
 
 from groundlink.core.clock import NANOS

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One pass over a recording finds what was put into it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plan shows what a vehicle could meet, with its outline."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

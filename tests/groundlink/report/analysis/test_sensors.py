@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is plotted of sensors is where it was, beside the truth."""
 
-from __future__ import annotations
-
 from math import degrees, pi
 from types import SimpleNamespace
 from typing import Any

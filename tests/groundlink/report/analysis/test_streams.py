@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Counts, gaps and bins, however long a run is."""
 
-from __future__ import annotations
-
 import pytest
 
 from groundlink.core.clock import NANOS

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every form of picture that a camera sends becomes one for a page, or is left out."""
 
-from __future__ import annotations
-
 import base64
 import io
 from types import SimpleNamespace

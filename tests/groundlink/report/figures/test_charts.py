@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What pictures show is where it belongs, in its color: read from the SVG that a page holds."""
 
-from __future__ import annotations
-
 import re
 from typing import NamedTuple
 

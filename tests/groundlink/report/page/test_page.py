@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page holds all figures, needs no network, and trusts nothing that it shows."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from html.parser import HTMLParser

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Houses, fences and plants as solids, on the ground that they are told."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

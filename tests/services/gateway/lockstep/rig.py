@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A gateway in lockstep, between a bus and a ROS node that the test plays."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lockstep between a list of messages of the bus and a stand-in of the link."""
 
-from __future__ import annotations
-
 import pytest
 
 from groundlink.core.backoff import FIRST_SECONDS

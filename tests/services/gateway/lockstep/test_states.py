@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every row of lockstep's table: the state is reached, the event happens, the action follows."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 

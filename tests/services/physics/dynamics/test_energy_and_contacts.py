@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Energy adds up, contacts have names, and neither changes the motion."""
 
-from __future__ import annotations
-
 import pytest
 
 from groundlink.messages.vitals import Vitals

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Static meshes: wheels roll on those that are ground, chassis bump into the others."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The engine's world is the scenario's world."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

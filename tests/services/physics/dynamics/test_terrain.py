@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Physics on terrain: the triangles of the sensors, under every vehicle, wherever it goes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Run commands are executed between two ticks, and their sender gets an answer."""
 
-from __future__ import annotations
-
 import threading
 
 import msgspec

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which acknowledgements count in one episode of a run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

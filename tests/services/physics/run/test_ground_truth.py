@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ground truth is the state as ROS messages, at its declared instants."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How far runs of every mode get, and whose fault it is when that is less."""
 
-from __future__ import annotations
-
 import pytest
 from msgspec.structs import replace
 

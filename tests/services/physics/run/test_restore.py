@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An episode that was restored is the one that was saved to the bit."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Literal

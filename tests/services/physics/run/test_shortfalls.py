@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the log says of a run that falls short, and how often."""
 
-from __future__ import annotations
-
 import pytest
 
 from groundlink.messages.base import Health

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What physics is told to simulate: a scenario, a saved run to go on from, or one to do again."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

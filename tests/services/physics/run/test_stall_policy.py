@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who lets a run wait is named in time, once, and what the scenario has for it happens."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Actors meet vehicles, and each other, and are where they say."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from functools import partial
 

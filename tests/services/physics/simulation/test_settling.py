@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Vehicles start at rest: an IMU reads gravity from its first sample on."""
 
-from __future__ import annotations
-
 from contextlib import closing
 
 import numpy as np

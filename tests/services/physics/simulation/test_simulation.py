@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How the rover moves, by the truth that physics tells."""
 
-from __future__ import annotations
-
 from math import inf, nan, radians
 
 import numpy as np

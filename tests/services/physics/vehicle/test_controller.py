@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the drive asks of the wheels, and when."""
 
-from __future__ import annotations
-
 import pytest
 from msgspec.structs import replace
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motors and what feeds them."""
 
-from __future__ import annotations
-
 import pytest
 
 from groundlink.scenario.running_gear import Battery, Motor, SkidSteer

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joints other than wheels: they go where they are commanded, within limits and speed."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shafts: what turns them, and what keeps them from turning."""
 
-from __future__ import annotations
-
 import pytest
 
 from groundlink.core.clock import TICK_SECONDS

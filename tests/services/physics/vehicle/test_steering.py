@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a velocity to wheels, for each kind of drive."""
 
-from __future__ import annotations
-
 from math import atan, cos, hypot, radians, sin, tan
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The joint that steers: range, speed, force."""
 
-from __future__ import annotations
-
 from math import radians
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tire's law of friction."""
 
-from __future__ import annotations
-
 from math import cos, hypot, radians, sin
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The URDF that is made from a model."""
 
-from __future__ import annotations
-
 from itertools import product
 from xml.etree import ElementTree
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A vehicle on a backend that touches what a test says."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

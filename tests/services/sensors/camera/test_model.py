@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The color camera: what it sends, when, and that it says the truth of it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Depth cameras and a world for them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from groundlink.scenario.depth_cameras import DepthCamera

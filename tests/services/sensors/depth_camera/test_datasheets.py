@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cameras as their makers describe them."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

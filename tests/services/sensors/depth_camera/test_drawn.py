@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Depth drawn, against depth by rays."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

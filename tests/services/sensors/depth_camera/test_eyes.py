@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Depth by rays, where OpenGL is missing."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Depth as ROS reads it: REP 118's images, image_transport's compressedDepth, points."""
 
-from __future__ import annotations
-
 import math
 import struct
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise, holes and limits of depth found by a stereo pair, on depths made up here."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The depth camera: what it sends, when, and that all of a picture belongs together."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

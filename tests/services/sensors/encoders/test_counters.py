@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What counters do beyond counting: gears, signs, wraps, missed ticks, resets, and their memory."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any

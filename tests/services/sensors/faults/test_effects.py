@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each kind of fault, by what it does to the readings of each sensor."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from typing import Any

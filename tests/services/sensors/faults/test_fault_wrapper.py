@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sensor with faults that is started again in their midst goes on with the same bytes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reports of faults and the effect of requests, without a bus, with a stand-in sensor."""
 
-from __future__ import annotations
-
 import msgspec
 import pytest
 from msgspec.structs import replace

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """WGS 84 against published points, against itself over the globe, and against pymap3d."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

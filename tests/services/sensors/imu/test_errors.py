@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors against statistics: minutes of the data sheets, and what each parameter does."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A bare room with a cart in it, and states in which the cart goes as a test says."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 

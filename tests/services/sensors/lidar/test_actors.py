@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A LiDAR sees actors where their motion has them at each ray's own instant."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A revolution in blocks is the revolution: the same points, earlier and in more messages."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cache
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The shipped LiDAR data sheets say what the manual and the paper say."""
 
-from __future__ import annotations
-
 import msgspec
 import numpy as np
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where points are: each ray from its own instant's pose, against planes that are known exactly."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a LiDAR makes of states besides geometry: stamps, layout, noise, and its bits."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgspec

@@ -5,8 +5,6 @@ No ray is left out. One that passes an edge within micrometers may go either way
 rounds; with these seeds none does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

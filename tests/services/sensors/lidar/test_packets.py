@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The VLP-16's packets, read byte by byte as the manual's tables have them."""
 
-from __future__ import annotations
-
 import struct
 from datetime import UTC, datetime
 

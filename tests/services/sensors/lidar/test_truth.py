@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The truth behind a cloud: its points as they are at its stamp, and the bodies they are on."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Clouds as a VLP-16's packets: what others decode from them, and which packets there are."""
 
-from __future__ import annotations
-
 import math
 import struct
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The LiDAR tests' bare room, with a planar scanner on the cart."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

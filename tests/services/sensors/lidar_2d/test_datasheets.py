@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The shipped sheets of planar scanners say what their makers say, and give such scans."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A planar scanner in a room of known size: ranges, angles, times, errors, and its bits."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

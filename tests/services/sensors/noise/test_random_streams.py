@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random numbers are a function of seed, sensor, purpose and tick."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -6,8 +6,6 @@ poses position is interpolated linearly and orientation by nlerp, for every ray 
 Trumbore 1997, in the body's frame. Only rays that pass the ball around a body are tried on it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

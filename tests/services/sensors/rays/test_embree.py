@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a user reads where ray casting cannot work, and memory as Embree wants it."""
 
-from __future__ import annotations
-
 import importlib.util
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The world around a ray sensor, made from a scenario and moved by states."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rays against terrain: the oracle's answers, PyBullet's, and none that slips through."""
 
-from __future__ import annotations
-
 import time
 import tracemalloc
 from collections.abc import Callable

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every sensor that casts rays sees a world's terrain, as one body with many materials."""
 
-from __future__ import annotations
-
 import msgspec
 import numpy as np
 import pytest

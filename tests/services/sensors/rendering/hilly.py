@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Worlds with terrain, for tests of pictures."""
 
-from __future__ import annotations
-
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray

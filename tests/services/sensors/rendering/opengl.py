@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tests of pictures need OpenGL; where there is none they are skipped, but fail in CI."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Edges between pixels: colors are the mean light of a pixel's area, depth and labels are not."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A chessboard that is drawn through lens and sensor calibrates to what CameraInfo says."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Depth and labels of every pixel, against rays through the same world."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A camera's process without a package that cameras need: one line and exit code 3."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

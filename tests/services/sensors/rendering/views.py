@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Renderers of small worlds and of the laboratory, and poses to look from."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """NMEA 0183: known sentences, rounding, and what pynmea2 reads."""
 
-from __future__ import annotations
-
 import re
 from datetime import UTC, datetime
 from functools import reduce

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The process around a model, with a stand-in model and without a bus."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import msgspec

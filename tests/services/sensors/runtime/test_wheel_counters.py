@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Counters of wheels that err: missed ticks, errors of scale, slip."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@
 The sensor is in the world's origin, 1 m above its vehicle, and looks along x unless told otherwise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Beams with a width: what they meet of several things, and which of it is reported."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What errors a scanner makes: as large as its data sheet says, of the distribution it says."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

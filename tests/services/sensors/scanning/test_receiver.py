@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What light is noticed, and what intensity is told of it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

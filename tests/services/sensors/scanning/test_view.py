@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a head looks: its field of view, the way it turns, and where its lasers point."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fog, dust and rain: what they take away, and what they send back themselves."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

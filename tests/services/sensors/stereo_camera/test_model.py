@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stereo pair: two pictures of one instant, from which depth comes back."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a user reads where pictures cannot be drawn."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Terrain in pictures: the triangles that rays meet, none missing, and its look."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

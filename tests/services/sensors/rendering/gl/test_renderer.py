@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What pictures show: where things are, their light and shadows, and always the same bits."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where light comes from, and that the view of each shadow map holds what it must."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from msgspec.structs import replace

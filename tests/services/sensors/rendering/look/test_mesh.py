@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Solids as meshes: outward normals, textures that fit, things that have names."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import get_args
 

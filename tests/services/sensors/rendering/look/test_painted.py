@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Meshes with pictures of their own, as rays meet them, in the world and on vehicles."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

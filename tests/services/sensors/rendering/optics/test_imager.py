@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise of the image sensor: how it grows with light and gain, where black is, and its seed."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

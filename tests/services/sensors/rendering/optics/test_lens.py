@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each effect of a lens does to a picture, and that without it there is none."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

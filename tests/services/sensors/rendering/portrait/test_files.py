@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures as files: what comes back is what was drawn."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures of everything that is shipped: all of it in the picture, with its frames."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

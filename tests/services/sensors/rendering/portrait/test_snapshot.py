@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A snapshot shows what the camera's process publishes of that instant."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
