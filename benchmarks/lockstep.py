@@ -27,11 +27,11 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.cli.run import running
 from groundlink.core.clock import TICK_SECONDS
+from groundlink.episode.control import Reset
 from groundlink.loader import load
 from groundlink.messages.base import Ack, BusMessage, Health
 from groundlink.monitor.supervisor import Supervisor
 from groundlink.process import runner as process
-from groundlink.run.control import Reset
 from groundlink.scenario import Scenario
 
 from .claims import Claim, add_options, judge

@@ -4,7 +4,7 @@
 import msgspec
 
 from groundlink.core.errors import UserError
-from groundlink.run.control import AnyRunCommand, ControlAnswer
+from groundlink.episode.control import AnyRunCommand, ControlAnswer
 
 from .queries import control_key
 from .session import Bus

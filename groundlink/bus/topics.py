@@ -8,6 +8,7 @@ topics`, the reference in `docs/bus.md` and tests are derived from the table.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from groundlink.episode.fault_messages import Faults
 from groundlink.messages.base import BusMessage, WheelCommand
 from groundlink.messages.ground_truth import Bodies
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan
@@ -22,7 +23,6 @@ from groundlink.messages.navigation import (
 )
 from groundlink.messages.relayed import Relayed
 from groundlink.messages.vitals import VITALS_HZ, Vitals
-from groundlink.run.fault_messages import Faults
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensor_kinds import SensorKind, sensor_kinds

@@ -18,7 +18,7 @@ from mcap.reader import SeekingReader
 from zstandard import ZstdError
 
 from groundlink.core.errors import UserError
-from groundlink.run.journal import Journal, loaded
+from groundlink.episode.journal import Journal, loaded
 from groundlink.scenario import Scenario
 
 from .metadata import (

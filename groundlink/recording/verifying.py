@@ -12,15 +12,8 @@ from msgspec.structs import replace
 from groundlink.bus.topics import sensor_outputs
 from groundlink.core.clock import NANOS, TICK_NANOS, TICK_RATE_HZ, Schedule
 from groundlink.core.errors import UserError
-from groundlink.messages.base import Command
-from groundlink.messages.navigation import JointState
-from groundlink.ros.base import made_topics
-from groundlink.ros.cdr import from_cdr
-from groundlink.ros.codec import Moment
-from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC
-from groundlink.ros.streams import CLOCK_TOPIC, faults_topic, incoming, missing_readings_topic
-from groundlink.run.fault_messages import Faults
-from groundlink.run.journal import (
+from groundlink.episode.fault_messages import Faults
+from groundlink.episode.journal import (
     Commanded,
     JointsCommanded,
     Journal,
@@ -28,6 +21,13 @@ from groundlink.run.journal import (
     encode_entry,
     this_platform,
 )
+from groundlink.messages.base import Command
+from groundlink.messages.navigation import JointState
+from groundlink.ros.base import made_topics
+from groundlink.ros.cdr import from_cdr
+from groundlink.ros.codec import Moment
+from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC
+from groundlink.ros.streams import CLOCK_TOPIC, faults_topic, incoming, missing_readings_topic
 from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Fault
 from groundlink.scene.build import world_hash

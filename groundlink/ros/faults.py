@@ -10,7 +10,7 @@ from typing import Any
 
 import msgspec
 
-from groundlink.run.fault_messages import Faults
+from groundlink.episode.fault_messages import Faults
 from groundlink.scenario.faults import Fault
 
 from .codec import Codec, Moment

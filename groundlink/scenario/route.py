@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Routes of vehicles with an autopilot: waypoints, or a figure relative to the spawn pose.
 
-Each kind of route is a class; its tag is the kind. `groundlink.run.routes` computes the path on the
-floor. The driver process follows it.
+Each kind of route is a class; its tag is the kind. `groundlink.episode.routes` computes the path on
+the floor. The driver process follows it.
 """
 
 from typing import Annotated, Literal

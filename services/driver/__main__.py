@@ -11,10 +11,10 @@ from groundlink.bus.core_topics import ACK, COMMAND, HEALTH
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import driver_name
 from groundlink.core.errors import UserError, did_you_mean
+from groundlink.episode.routes import line
 from groundlink.process import runner as process
 from groundlink.process.joining import join
 from groundlink.process.state_follower import StateFollower, follow_states
-from groundlink.run.routes import line
 from groundlink.scenario import Scenario
 from groundlink.scenario.route import Route
 from groundlink.scenario.schema import Vehicle

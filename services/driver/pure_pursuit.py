@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from groundlink.run.routes import Floats, Line
+from groundlink.episode.routes import Floats, Line
 
 Twist = tuple[float, float]
 """Velocity along the base's x, m/s, and about its z, rad/s."""

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Sized
 
 from groundlink.core.errors import UserError
-from groundlink.run.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
+from groundlink.episode.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
 from udp_bridge.wire.run_commands import (
     ERROR_BYTES,
     PAUSE,

@@ -13,9 +13,9 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
+from groundlink.episode.journal import Journal, dumped, loaded
 from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
 from groundlink.recording.ros_channels import RosFile
-from groundlink.run.journal import Journal, dumped, loaded
 from groundlink.scenario import Scenario
 
 from .recorder import Recorder, RecordingFile

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.episode.journal import acting_before
 from groundlink.recording.ros_channels import RecordedTopic, RosFile
-from groundlink.run.journal import acting_before
 
 from .mcap_files import JOURNAL_NANOS, McapFiles
 from .recorder import Recorder, RecordingFile

@@ -12,8 +12,8 @@ from groundlink.bus.control_client import run_status, send_command
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import SENSOR_TOPICS
+from groundlink.episode.control import Pause, Reset, Resume, Step
 from groundlink.messages.base import Imu, encode
-from groundlink.run.control import Pause, Reset, Resume, Step
 
 from .rig import Rig, rig, wait_for
 

@@ -23,8 +23,8 @@ from benchmarks.freshness.two_hosts import run as run_on_two_hosts
 from groundlink.bus.control_client import send_command
 from groundlink.core.clock import TICK_NANOS
 from groundlink.emulation import Impairment
-from groundlink.run import journal
-from groundlink.run.control import Pause, Resume
+from groundlink.episode import journal
+from groundlink.episode.control import Pause, Resume
 
 from .determined import HEARD, RUN, UNTIL_NANOS, Heard, Run, difference, run
 from .rig import REPOSITORY, is_answered, wait_for

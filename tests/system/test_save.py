@@ -16,11 +16,11 @@ from groundlink.bus.queries import control_key, faults_key, journal_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.core.clock import TICK_NANOS
+from groundlink.episode.control import Pause, Remove, Restore, Resume, Spawn, Step
+from groundlink.episode.fault_messages import FaultAnswer
+from groundlink.episode.journal import Commanded, dumped, encode_entry, loaded, state_digest
 from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.messages.base import Command, Imu, M, State, decode, encode
-from groundlink.run.control import Pause, Remove, Restore, Resume, Spawn, Step
-from groundlink.run.fault_messages import FaultAnswer
-from groundlink.run.journal import Commanded, dumped, encode_entry, loaded, state_digest
 from groundlink.scenario.faults import Delay, Drop, Fault, Stuck
 
 from .determined import RUN, Heard, Run, Witness, run

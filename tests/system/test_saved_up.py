@@ -15,8 +15,8 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ
+from groundlink.episode.journal import loaded
 from groundlink.messages.base import BusMessage, Command, M, decode, measured_nanos
-from groundlink.run.journal import loaded
 
 from .rig import Observer, Rig, rig, wait_for
 

@@ -15,8 +15,8 @@ from groundlink.bus.queries import control_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.core.errors import UserError
+from groundlink.episode.control import Pause, Step
 from groundlink.messages.base import PointCloud, encode
-from groundlink.run.control import Pause, Step
 
 from .rig import Rig, rig, wait_for
 

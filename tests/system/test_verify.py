@@ -24,10 +24,10 @@ from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import JOINT_COMMAND, JOINTS
 from groundlink.core.clock import NANOS
+from groundlink.episode.fault_messages import CLEAR
 from groundlink.messages.base import Clock, Command, floats, packed
 from groundlink.messages.navigation import JointState
 from groundlink.recording.mcap_file import McapFile
-from groundlink.run.fault_messages import CLEAR
 from groundlink.scenario.faults import Bias, Stuck
 
 from .determined import SCENARIO

@@ -15,10 +15,10 @@ from groundlink.bus.topics import driver_name
 from groundlink.cli import Subparsers
 from groundlink.cli.run.running import SCENARIO_HELP
 from groundlink.core.errors import UserError
+from groundlink.episode import routes
 from groundlink.loader import load
 from groundlink.ros.message_sizes import Cut, NeverFits, cut, fitting_block_deg
 from groundlink.ros.streams import answers_mistake
-from groundlink.run import routes
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensors import RotatingLidar, SensorSpec
 from groundlink.scene.build import solids, world_hash

@@ -25,9 +25,9 @@ from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.core.extras import needs
+from groundlink.episode import journal as journals
 from groundlink.loader import load
 from groundlink.monitor.run_monitor import RunMonitor
-from groundlink.run import journal as journals
 from groundlink.scenario import Scenario
 
 if TYPE_CHECKING:

@@ -13,11 +13,11 @@ from groundlink.bus.session import Bus
 from groundlink.cli import Subparsers
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
+from groundlink.episode.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
 from groundlink.messages.base import Health
 from groundlink.messages.stalls import Stalls
 from groundlink.process import runner as process
 from groundlink.process.joining import join
-from groundlink.run.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
 
 POLL_SECONDS = 0.05
 """Poll period while a command is in progress."""

@@ -10,11 +10,11 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from groundlink.cli.terminal.tables import Column, FittingTable
+from groundlink.episode.fault_messages import kinds_in
 from groundlink.messages import missing_readings
 from groundlink.messages.base import NOT_REPORTED, StreamReport
 from groundlink.monitor.run_monitor import RunMonitor, keeps_rate
 from groundlink.monitor.supervisor import Child
-from groundlink.run.fault_messages import kinds_in
 
 
 def dashboard(title: str, monitor: RunMonitor, children: Iterable[Child]) -> RenderableType:

@@ -17,9 +17,9 @@ from groundlink.bus.session import Bus
 from groundlink.cli import Subparsers
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError, did_you_mean
+from groundlink.episode.fault_messages import CLEAR, FaultAnswer
 from groundlink.process import runner as process
 from groundlink.process.joining import join
-from groundlink.run.fault_messages import CLEAR, FaultAnswer
 from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.faults import KINDS, Fault, FaultSpec
 

@@ -17,10 +17,10 @@ from groundlink.bus.session import Bus
 from groundlink.cli import Subparsers
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
+from groundlink.episode import journal
+from groundlink.episode.control import Restore
 from groundlink.process import runner as process
 from groundlink.process.joining import join
-from groundlink.run import journal
-from groundlink.run.control import Restore
 
 from .control import POLL_SECONDS, status_line
 from .running import check_new_file

@@ -13,10 +13,10 @@ from groundlink.bus.session import Bus
 from groundlink.cli import Subparsers
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
+from groundlink.episode.control import ControlAnswer, Remove, Spawn
 from groundlink.loader.additions import KINDS, SpawnPlace, addition, check_addition
 from groundlink.process import runner as process
 from groundlink.process.joining import join, join_world
-from groundlink.run.control import ControlAnswer, Remove, Spawn
 from groundlink.scene.bodies import link_bodies
 from groundlink.scene.build import solids
 from groundlink.scene.spawn_checks import ground_of

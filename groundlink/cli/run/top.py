@@ -24,12 +24,12 @@ from groundlink.cli import Subparsers
 from groundlink.cli.run.dashboard import streams_table
 from groundlink.cli.terminal.output import console, stop_on_signals
 from groundlink.cli.terminal.tables import Column, FittingTable
+from groundlink.episode.fault_messages import kinds_in
 from groundlink.messages import missing_readings
 from groundlink.messages.base import Health
 from groundlink.monitor.overview import Overview
 from groundlink.process import runner as process
 from groundlink.process.joining import join
-from groundlink.run.fault_messages import kinds_in
 from groundlink.scenario import Scenario
 
 PERIOD_SECONDS = 1.0

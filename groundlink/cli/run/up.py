@@ -17,11 +17,11 @@ from groundlink.cli.run.dashboard import dashboard
 from groundlink.cli.terminal import output as terminal
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
+from groundlink.episode import journal
 from groundlink.loader import load, time_options
 from groundlink.messages.base import NOT_REPORTED
 from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.monitor.supervisor import Child
-from groundlink.run import journal
 from groundlink.scenario import Scenario
 
 from . import running, supervised

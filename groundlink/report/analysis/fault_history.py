@@ -3,7 +3,7 @@
 
 from dataclasses import dataclass
 
-from groundlink.run.fault_messages import Faults
+from groundlink.episode.fault_messages import Faults
 from groundlink.scenario.faults import Fault
 
 

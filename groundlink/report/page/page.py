@@ -14,6 +14,7 @@ import msgspec
 import yaml
 
 from groundlink.core.clock import NANOS
+from groundlink.episode.routes import line
 from groundlink.messages.base import NOT_REPORTED
 from groundlink.report.analysis.checkpoints import passages
 from groundlink.report.analysis.diagnostics import CAUSES, PROCESS_FIELDS
@@ -23,7 +24,6 @@ from groundlink.report.figures import charts as figures
 from groundlink.report.figures.plan import TALL_M
 from groundlink.report.page.missing_readings import missing_section
 from groundlink.report.page.verdict import keeps_rate, verdict
-from groundlink.run.routes import line
 from groundlink.scene.build import solids
 from groundlink.world import terrain as terrains
 from groundlink.world.assets import MissingAsset

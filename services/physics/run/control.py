@@ -13,7 +13,7 @@ from typing import Protocol, TypeVar
 import msgspec
 
 from groundlink.core.errors import UserError
-from groundlink.run.control import (
+from groundlink.episode.control import (
     AnyRunCommand,
     ControlAnswer,
     Pause,

@@ -13,11 +13,8 @@ from groundlink.bus.core_topics import GATEWAY, RECORDER
 from groundlink.bus.topics import driver_names, process_names
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS, Schedule
 from groundlink.core.errors import UserError
-from groundlink.messages.base import Ack, Clock, Command, State, WheelCommand, decode, encode
-from groundlink.messages.navigation import JointState
-from groundlink.messages.vitals import VITALS_HZ
-from groundlink.run.control import Remove, Spawn
-from groundlink.run.journal import (
+from groundlink.episode.control import Remove, Spawn
+from groundlink.episode.journal import (
     AnyEntry,
     Commanded,
     JointsCommanded,
@@ -28,6 +25,9 @@ from groundlink.run.journal import (
     state_digest,
     this_platform,
 )
+from groundlink.messages.base import Ack, Clock, Command, State, WheelCommand, decode, encode
+from groundlink.messages.navigation import JointState
+from groundlink.messages.vitals import VITALS_HZ
 from groundlink.scenario import Scenario
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
 from groundlink.scene.build import solids, world_hash

@@ -11,9 +11,9 @@ from contextlib import suppress
 from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
+from groundlink.episode.control import Spawn
+from groundlink.episode.journal import AnyEntry, Journal, WorldChanged, this_platform
 from groundlink.process import asset_exchange
-from groundlink.run.control import Spawn
-from groundlink.run.journal import AnyEntry, Journal, WorldChanged, this_platform
 from groundlink.scenario import Scenario
 from groundlink.world import assets
 

@@ -18,9 +18,9 @@ from groundlink.bus.queries import control_key, history_key, journal_key, scenar
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import process_names
 from groundlink.core.errors import UserError
+from groundlink.episode.control import Remove, Spawn
+from groundlink.episode.journal import Journal, dumped, loaded, parts
 from groundlink.process import asset_exchange
-from groundlink.run.control import Remove, Spawn
-from groundlink.run.journal import Journal, dumped, loaded, parts
 from groundlink.scenario import Scenario
 from groundlink.world import assets
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from groundlink.core.errors import UserError, did_you_mean
+from groundlink.episode import journal
+from groundlink.episode.journal import Journal
 from groundlink.loader import load, time_options
-from groundlink.run import journal
-from groundlink.run.journal import Journal
 from groundlink.scenario import Scenario
 
 

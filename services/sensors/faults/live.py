@@ -13,9 +13,9 @@ import msgspec
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_RATE_HZ
+from groundlink.episode.fault_messages import CLEAR, FaultAnswer, Faults
 from groundlink.messages.base import Ack, State
 from groundlink.process.state_follower import StateConsumer
-from groundlink.run.fault_messages import CLEAR, FaultAnswer, Faults
 from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.faults import Fault
 from groundlink.scenario.schema import Vehicle

@@ -15,13 +15,13 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import FAULTS, MISSING_READINGS, sensor_outputs
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.core.extras import needs
+from groundlink.episode.fault_messages import counted
 from groundlink.messages.base import BusMessage
 from groundlink.messages.missing_readings import counters_of
 from groundlink.process import runner as process
 from groundlink.process.joining import changed_world, join_world
 from groundlink.process.name_claim import claim_name
 from groundlink.process.state_follower import StateFollower, follow_states
-from groundlink.run.fault_messages import counted
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensor_kinds import SensorKind, kind_of, load_reference
 from groundlink.scene.build import world_hash

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from groundlink.episode.fault_messages import Faults
 from groundlink.messages import base as messages
 from groundlink.messages import ground_truth, imagery, navigation
 from groundlink.messages.base import (
@@ -21,7 +22,6 @@ from groundlink.messages.base import (
 from groundlink.messages.missing_readings import MissingReadings, MissingSpan
 from groundlink.messages.relayed import Relayed
 from groundlink.messages.vitals import BatteryState, Contact, Vitals
-from groundlink.run.fault_messages import Faults
 from groundlink.scenario.faults import Bias, Stuck
 
 TRUE_POINTS = np.zeros(2, ground_truth.TRUE_POINT)

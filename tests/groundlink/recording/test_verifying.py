@@ -11,6 +11,15 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.core.errors import UserError
+from groundlink.episode.fault_messages import Faults
+from groundlink.episode.journal import (
+    Commanded,
+    JointsCommanded,
+    Journal,
+    dumped,
+    encode_entry,
+    this_platform,
+)
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import BusMessage, Clock, Command, Imu, packed
@@ -24,15 +33,6 @@ from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.streams import faults_topic, missing_readings_topic
-from groundlink.run.fault_messages import Faults
-from groundlink.run.journal import (
-    Commanded,
-    JointsCommanded,
-    Journal,
-    dumped,
-    encode_entry,
-    this_platform,
-)
 from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Bias, Drop, Fault, Stuck
 from groundlink.scenario.sensors import Encoders

@@ -3,10 +3,10 @@
 
 import pytest
 
+from groundlink.episode.fault_messages import Faults, counted, kinds_in
 from groundlink.ros.cdr import to_cdr
 from groundlink.ros.faults import from_faults
 from groundlink.ros.types import STORE
-from groundlink.run.fault_messages import Faults, counted, kinds_in
 from groundlink.scenario.faults import Bias, Stuck
 
 TYPE = "diagnostic_msgs/msg/DiagnosticArray"

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from groundlink.core.clock import TICK_NANOS
+from groundlink.episode.fault_messages import Faults
 from groundlink.messages import imagery, navigation
 from groundlink.messages.base import (
     POINT,
@@ -24,7 +25,6 @@ from groundlink.messages.missing_readings import CAUSES, MissingReadings, Missin
 from groundlink.messages.vitals import Contact, Vitals
 from groundlink.ros.cdr import CODECS, from_cdr, to_cdr
 from groundlink.ros.codec import Moment
-from groundlink.run.fault_messages import Faults
 from groundlink.scenario.faults import Bias, Stuck
 
 STAMP = st.integers(0, (2**31 - 1) * 10**9)

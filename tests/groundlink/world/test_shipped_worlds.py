@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from groundlink.episode.routes import line
 from groundlink.loader import load
 from groundlink.loader.partial_scenario import FileKind, load_partial
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.run.routes import line
 from groundlink.scenario import Scenario
 from groundlink.scene.build import solids, world_hash
 from groundlink.scene.spawn_pose import collision_solids

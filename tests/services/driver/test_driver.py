@@ -4,8 +4,8 @@
 import numpy as np
 
 from groundlink.core.clock import TICK_NANOS
+from groundlink.episode.routes import Line
 from groundlink.messages.base import Ack, Command, State, VehicleState, packed
-from groundlink.run.routes import Line
 from groundlink.scenario.route import COMMAND_AHEAD_TICKS, DRIVER_PERIOD_TICKS
 from services.driver.driver import Driver
 from services.driver.pure_pursuit import PurePursuitFollower

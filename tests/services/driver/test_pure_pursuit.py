@@ -9,12 +9,12 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS
+from groundlink.episode.routes import Line, line
 from groundlink.loader import load
 from groundlink.loader.document import read
 from groundlink.loader.explain import convert
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Command
-from groundlink.run.routes import Line, line
 from groundlink.scenario import Scenario
 from groundlink.scenario.route import (
     COMMAND_AHEAD_TICKS,

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from groundlink.core.errors import UserError
-from groundlink.run.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
+from groundlink.episode.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
 from groundlink.scenario.ros_side import GatewaySettings
 from services.gateway.carrier import sockets
 from services.gateway.run_commands import COMMANDS_WAITING, REPLIES_KEPT, RunCommandQueue

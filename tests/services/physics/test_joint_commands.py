@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from groundlink.bus.topics import JOINT_COMMAND, JOINTS
+from groundlink.episode.journal import JointsCommanded
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import BadBusMessage, State, floats, packed
@@ -12,7 +13,6 @@ from groundlink.messages.navigation import JointState
 from groundlink.ros.base import Bases
 from groundlink.ros.cdr import READERS, to_cdr
 from groundlink.ros.streams import incoming
-from groundlink.run.journal import JointsCommanded
 from groundlink.scenario import Scenario
 from services.physics.run.episode import Episode
 from services.physics.run.publishers import silent_publishers

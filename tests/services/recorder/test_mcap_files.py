@@ -7,11 +7,11 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.episode.journal import Commanded, Journal, dumped, encode_entry, this_platform
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Ack, Clock, Command
 from groundlink.recording.reader import Recording
-from groundlink.run.journal import Commanded, Journal, dumped, encode_entry, this_platform
 from groundlink.scenario import Scenario
 from services.recorder.mcap_files import JOURNAL_NANOS, McapFiles
 from services.recorder.recorder import Recorder

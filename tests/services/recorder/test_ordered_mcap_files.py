@@ -10,11 +10,11 @@ from mcap.reader import make_reader
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.episode.journal import Commanded, Journal, dumped, encode_entry, this_platform
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Ack, Clock, Command, Imu
 from groundlink.recording.reader import Recording
-from groundlink.run.journal import Commanded, Journal, dumped, encode_entry, this_platform
 from groundlink.scenario import Scenario
 from services.recorder.ordered_mcap_files import SLICE_NANOS, OrderedMcapFiles
 from services.recorder.recorder import Recorder

@@ -12,6 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.episode.fault_messages import Faults
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import (
@@ -34,7 +35,6 @@ from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile
 from groundlink.ros.missing_readings import from_missing_readings
 from groundlink.ros.types import STORE, TYPES, header
-from groundlink.run.fault_messages import Faults
 from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Stuck
 from groundlink.scenario.ros_side import FromRos, Stream

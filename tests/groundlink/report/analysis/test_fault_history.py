@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faults that a sensor told become rows with a begin and an end."""
 
+from groundlink.episode.fault_messages import Faults
 from groundlink.report.analysis.fault_history import FaultPeriod, SensorFaultHistory
-from groundlink.run.fault_messages import Faults
 from groundlink.scenario.faults import Bias, Fault, Off, Stuck
 
 

@@ -7,8 +7,7 @@ import msgspec
 import pytest
 
 from groundlink.core.errors import UserError
-from groundlink.loader.additions import KINDS
-from groundlink.run.control import (
+from groundlink.episode.control import (
     AnyRunCommand,
     ControlAnswer,
     Pause,
@@ -19,6 +18,7 @@ from groundlink.run.control import (
     Spawn,
     Step,
 )
+from groundlink.loader.additions import KINDS
 from services.physics.run import control as module
 from services.physics.run.control import Control
 

@@ -10,10 +10,10 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
 from groundlink.core.errors import UserError
+from groundlink.episode.control import Remove, Spawn
+from groundlink.episode.journal import Journal, Platform, dumped, loaded
 from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.messages.base import Ack, BusMessage, Command, State, WheelCommand, decode, encode
-from groundlink.run.control import Remove, Spawn
-from groundlink.run.journal import Journal, Platform, dumped, loaded
 from groundlink.scenario import Scenario
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
 from groundlink.world import assets

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from groundlink.core.errors import UserError
+from groundlink.episode.journal import Journal, dumped, this_platform
 from groundlink.loader import load
-from groundlink.run.journal import Journal, dumped, this_platform
 from services.physics.run.source import RunSource, add_arguments, source_of
 
 LAB = Path(__file__).parents[4] / "scenarios" / "indoor_lab_tour.yaml"

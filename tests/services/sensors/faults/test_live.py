@@ -5,8 +5,8 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
+from groundlink.episode.fault_messages import CLEAR, FaultAnswer, Faults
 from groundlink.messages.base import BusMessage, Imu
-from groundlink.run.fault_messages import CLEAR, FaultAnswer, Faults
 from groundlink.scenario import sensors
 from groundlink.scenario.faults import Bias, Fault, NoiseBurst, Off, RateChange, Stuck
 from services.sensors.faults.live import LiveFaults

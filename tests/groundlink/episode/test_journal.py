@@ -9,13 +9,9 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
-from groundlink.loader import load
-from groundlink.loader.additions import KINDS
-from groundlink.messages.base import Ack, Command, State, WheelCommand, packed
-from groundlink.messages.navigation import JointState
-from groundlink.run import journal as module
-from groundlink.run.control import Remove, Spawn
-from groundlink.run.journal import (
+from groundlink.episode import journal as module
+from groundlink.episode.control import Remove, Spawn
+from groundlink.episode.journal import (
     BLOCK_ENTRIES,
     Commanded,
     JointsCommanded,
@@ -35,6 +31,10 @@ from groundlink.run.journal import (
     this_platform,
     write,
 )
+from groundlink.loader import load
+from groundlink.loader.additions import KINDS
+from groundlink.messages.base import Ack, Command, State, WheelCommand, packed
+from groundlink.messages.navigation import JointState
 
 SCENARIO = load(str(Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"))
 

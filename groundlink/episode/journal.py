@@ -25,9 +25,9 @@ from msgspec.structs import replace
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
+from groundlink.episode.control import Remove, Spawn
 from groundlink.messages.base import Ack, Command, State, WheelCommand, encode
 from groundlink.messages.navigation import JointState
-from groundlink.run.control import Remove, Spawn
 from groundlink.scenario import Scenario
 
 VERSION = 1

@@ -6,7 +6,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from groundlink.run.routes import line
+from groundlink.episode.routes import line
 from groundlink.scenario.route import (
     FIGURES,
     Circle,
