@@ -26,15 +26,15 @@ Cause = Literal[
 ]
 
 CAUSES: Mapping[Cause, str] = {
-    "overloaded": "left out on purpose, as the sensor was behind and nobody waits for it",
-    "states lost": "states of physics did not reach the sensor, or could not be used",
+    "overloaded": "dropped because the sensor was behind and the run does not wait (`skip`)",
+    "states lost": "states did not reach the sensor's process, or lacked the measured body",
     "not there": "the sensor's process had not joined the run yet",
-    "restarted": "the sensor's process ended, and what it missed could not be made up for",
-    "world changed": "the measurement under way was of a world that is no more",
-    "removed": "the sensor's vehicle was taken out of the world",
-    "drop": "taken away by a fault of this kind",
-    "off": "taken away by a fault of this kind",
-    "rate_change": "taken away by a fault of this kind",
+    "restarted": "the sensor's process ended, and the missed readings could not be recovered",
+    "world changed": "the world changed during the measurement",
+    "removed": "the sensor's vehicle was removed from the world",
+    "drop": "suppressed by a fault of this kind",
+    "off": "suppressed by a fault of this kind",
+    "rate_change": "suppressed by a fault of this kind",
 }
 """Description of each cause."""
 

@@ -132,7 +132,7 @@ class Comparison:
             verdict.ragged += 1
             return
         verdict.new += 1
-        found.note(nanos, found.number + 1, "not recorded, and there again")
+        found.note(nanos, found.number + 1, "not recorded, but published in the repeated run")
 
     def _read_to(self, nanos: int) -> None:
         """Read the recording up to an instant."""
@@ -174,7 +174,7 @@ class _Topic:
             nanos, _ = self._waiting.popleft()
             self.number += 1
             self.verdict.missing += 1
-            self.note(nanos, self.number, "recorded, and not there again")
+            self.note(nanos, self.number, "recorded, but missing in the repeated run")
 
     def take(self, nanos: int, cdr: bytes) -> bool:
         """Compare a message; return False if none of that instant was recorded."""

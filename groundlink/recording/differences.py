@@ -39,7 +39,7 @@ class Difference(NamedTuple):
     """Path of the field, such as `pose.pose.position.x`; empty for the values themselves."""
 
     recorded: str
-    again: str
+    repeated: str
     of: tuple[str, ...] = ()
     """Names of the list elements along the path."""
 
@@ -49,28 +49,28 @@ class Difference(NamedTuple):
     def __str__(self) -> str:
         of = f" ({', '.join(self.of)})" if self.of else ""
         more = f"; {self.more}" if self.more else ""
-        return f"{self.field}{of}: {self.recorded} recorded, {self.again} again{more}"
+        return f"{self.field}{of}: {self.recorded} recorded, {self.repeated} repeated{more}"
 
 
-def message_difference(ros_type: str, recorded: bytes, again: bytes) -> Difference:
+def message_difference(ros_type: str, recorded: bytes, repeated: bytes) -> Difference:
     """Return the first difference of two unequal bodies.
 
     Parameters
     ----------
-    recorded, again
+    recorded, repeated
         CDR of messages of this type.
     """
     try:
-        old, new = (STORE.deserialize_cdr(body, ros_type) for body in (recorded, again))
+        old, new = (STORE.deserialize_cdr(body, ros_type) for body in (recorded, repeated))
         found = first_difference(old, new)
     except (SerdeError, ValueError, IndexError, KeyError, struct.error):
         found = None  # not a message of this type
-    return found or _in_bytes("body", recorded, again)
+    return found or _in_bytes("body", recorded, repeated)
 
 
-def first_difference(recorded: Any, again: Any) -> Difference | None:
+def first_difference(recorded: Any, repeated: Any) -> Difference | None:
     """Return the first difference of messages, dicts or lists; None if they are equal."""
-    return next(_differences(recorded, again, "", ()), None)
+    return next(_differences(recorded, repeated, "", ()), None)
 
 
 def _differences(old: Any, new: Any, path: str, of: tuple[str, ...]) -> Iterator[Difference]:
@@ -90,7 +90,7 @@ def _differences(old: Any, new: Any, path: str, of: tuple[str, ...]) -> Iterator
         for i, parts in enumerate(zip(old, new, strict=False)):
             yield from _differences(*parts, f"{path}[{i}]", (*of, *_name_of(parts[0])))
         if len(old) != len(new):
-            yield Difference(path, f"{len(old)} parts", f"{len(new)} parts", of)
+            yield Difference(path, f"{len(old)} elements", f"{len(new)} elements", of)
     elif _bits(old) != _bits(new):
         yield Difference(path, *_texts(old, new), of)
 

@@ -56,7 +56,7 @@ def compared_span(recording: Recording) -> ComparedSpan:
     """
     clock = recording.topics.get(CLOCK_TOPIC)
     if clock is None or not clock.messages:
-        raise UserError(f"{recording.path}: nothing was recorded, not even the run's clock")
+        raise UserError(f"{recording.path}: no messages recorded; expected at least /clock")
     first, end = clock.first_nanos, recording.end_nanos
     begun = first if first == recording.run.epoch_nanos else first + UNDER_WAY_NANOS
     if end is None:
@@ -69,14 +69,16 @@ def compared_span(recording: Recording) -> ComparedSpan:
         end = min(found.end_nanos, known_nanos - UNDER_WAY_NANOS)
         found = ComparedSpan(first, end, begun, end)
     if found.end_nanos <= found.first_nanos:
-        raise UserError(f"{recording.path}: too short to be compared; record for longer")
+        raise UserError(f"{recording.path}: too short to compare. Fix: record longer")
     return found
 
 
 def silent_sensors(recording: Recording, scenario: Scenario) -> list[str]:
     """Return the sensors without any recorded message."""
-    heard = {name for name, topic in recording.topics.items() if topic.messages}
-    return [name for name in scenario.sensor_names() if heard.isdisjoint(_topics(scenario, name))]
+    recorded = {name for name, topic in recording.topics.items() if topic.messages}
+    return [
+        name for name in scenario.sensor_names() if recorded.isdisjoint(_topics(scenario, name))
+    ]
 
 
 def _topics(scenario: Scenario, sensor: str) -> list[str]:
@@ -102,25 +104,31 @@ def later_sensors(recording: Recording) -> list[str]:
 def not_compared(recording: Recording) -> dict[str, str]:
     """Return the topics that are not compared, with the reason of each."""
     scenario, run = recording.run.scenario, recording.run.run
-    found = {DIAGNOSTICS_TOPIC: "what processes counted, and how long they took"}
-    found |= dict.fromkeys(made_topics(scenario), "made of the scenario and of what is compared")
+    found = {DIAGNOSTICS_TOPIC: "counters and durations of processes, which differ between runs"}
+    found |= dict.fromkeys(
+        made_topics(scenario), "computed from the scenario and from compared topics"
+    )
     for stream in incoming(scenario, run):
-        told = "what the run was told, and is told again" if stream.is_command else "from ROS"
-        found[stream.topic] = told
+        why = "an input of the run, applied again from the recording"
+        found[stream.topic] = why if stream.is_command else "from ROS"
     for vehicle in scenario.vehicles:
         found |= dict.fromkeys((s.topic for s in vehicle.streams), "from another process")
     for name in scenario.sensor_names():
-        found[missing_readings_topic(name)] = "what was left out then"
+        found[missing_readings_topic(name)] = "missing readings of the recorded run"
     for vehicle in scenario.vehicles:
         for spec in vehicle.sensors:
             topic = faults_topic(f"{vehicle.name}/{spec.name}")
             changes = {tick for fault in spec.faults for tick in (fault.begin_tick, fault.end_tick)}
             if any(news.tick not in changes for news in messages_of(recording, topic, Faults)):
-                found[topic] = "told by a process that joined later"
+                found[topic] = "published by a process that joined late"
     for name in live_faults(recording):
-        found[faults_topic(name)] = "changed by hand; now there from the start"
-    of_sensors = dict.fromkeys(silent_sensors(recording, scenario), "nothing was recorded of it")
-    of_sensors |= dict.fromkeys(later_sensors(recording), "of a vehicle that was put in later")
+        found[faults_topic(name)] = "changed during the run; the repeated run has it from the start"
+    of_sensors = dict.fromkeys(
+        silent_sensors(recording, scenario), "no messages of this sensor recorded"
+    )
+    of_sensors |= dict.fromkeys(
+        later_sensors(recording), "of a vehicle that was added during the run"
+    )
     for name, why in of_sensors.items():
         found |= dict.fromkeys(_topics(scenario, name), why)
     return {topic: why for topic, why in sorted(found.items()) if topic in recording.types}
@@ -148,15 +156,15 @@ def live_faults(recording: Recording) -> dict[str, tuple[Fault, ...]]:
     for vehicle in recording.run.scenario.vehicles:
         for sensor in vehicle.sensors:
             name = f"{vehicle.name}/{sensor.name}"
-            faults = _with_told(sensor.faults, messages_of(recording, faults_topic(name), Faults))
+            faults = _merged(sensor.faults, messages_of(recording, faults_topic(name), Faults))
             if faults != sensor.faults:
                 found[name] = faults
     return found
 
 
-def _with_told(known: tuple[Fault, ...], told: Iterator[Faults]) -> tuple[Fault, ...]:
+def _merged(known: tuple[Fault, ...], reports: Iterator[Faults]) -> tuple[Fault, ...]:
     """Return faults that reproduce the reported ones at every tick."""
-    for news in told:
+    for news in reports:
         known = (*known, *(fault for fault in news.active if fault not in known))
         known = tuple(
             replace(fault, for_s=(news.tick - fault.begin_tick) / TICK_RATE_HZ)
@@ -231,35 +239,35 @@ def caveats(recording: Recording, scenario: Scenario, extent: ComparedSpan) -> I
     """Yield the differences from the conditions of the recording, and their consequences."""
     run, journal, then = recording.run, recording.journal, recording.started_as
     if then.name != scenario.name:
-        yield f"of another scenario: `{then.name}` was recorded, this is `{scenario.name}`"
+        yield f"scenario name differs: `{then.name}` recorded, `{scenario.name}` given"
     if found := scenario_difference(then, scenario):
-        yield f"the scenario is another: {found}"
+        yield f"scenario differs: {found}"
     if world_hash(then) != world_hash(scenario):
-        yield "the world is another: its hash differs, so nearly everything may"
+        yield "world hash differs: most messages may differ"
     if then.world != run.scenario.world:
         changes = journal and any(isinstance(entry, WorldChanged) for entry in journal.read())
-        yield "the recording began in a world that had been changed; " + (
-            "it changes again"
+        yield "the world had been changed before the recording began; " + (
+            "the journal repeats the changes"
             if changes
-            else "a reset came after that, so what was changed is not so again"
+            else "the journal begins at a later reset, so the changes are not repeated"
         )
     here = versions()
     others = [f"{name} {v}" for name, v in run.versions.items() if here.get(name) != v]
     if journal and journal.made_on.processor != this_platform().processor:
         others.insert(0, journal.made_on.processor)
     if others:
-        yield f"recorded with {', '.join(others)}; last digits may differ here"
+        yield f"recorded with {', '.join(others)}; last digits may differ on this host"
     epoch_nanos = run.epoch_nanos
     if journal is None:
-        yield "without a journal: commands are taken at their stamps, changes of the world never"
+        yield "no journal: commands are applied at their stamps, world changes are not repeated"
     if extent.first_nanos > epoch_nanos:
         seconds = (extent.first_nanos - epoch_nanos) / NANOS
-        yield f"recorded from {seconds:.3f} s on: what is earlier runs, and is not compared"
+        yield f"the recording begins at {seconds:.3f} s: earlier messages are not compared"
     if recording.end_nanos is None:
         seconds = (extent.end_nanos - epoch_nanos) / NANOS
         yield f"the recording was ended early: compared up to {seconds:.3f} s"
     if absent := silent_sensors(recording, scenario):
-        yield f"nothing was recorded of {', '.join(absent)}, so nothing of it is compared"
+        yield f"no messages recorded of {', '.join(absent)}: not started, not compared"
     for sensor, faults in live_faults(recording).items():
         kinds = ", ".join(fault.kind for fault in faults) or "none"
-        yield f"faults of `{sensor}` were changed by hand and happen again: {kinds}"
+        yield f"faults of `{sensor}` were changed during the run and are repeated: {kinds}"

@@ -118,7 +118,7 @@ def test_a_changed_byte_is_named(run: tuple[Path, Path], tmp_path: Path) -> None
     (line,) = (line for line in done.stdout.splitlines() if "first difference" in line)
     found = re.fullmatch(
         r"first difference: /points at 0\.4\d* s \(stamp \d+\.\d{9}\), message 5 of \d+: "
-        r"data: point (\d+), field ring: \d+ recorded, \d+ again; 1 of (\d+) points differ",
+        r"data: point (\d+), field ring: \d+ recorded, \d+ repeated; 1 of (\d+) points differ",
         line,
     )
     assert found, line
@@ -133,15 +133,15 @@ def test_a_changed_scenario_is_named(run: tuple[Path, Path], tmp_path: Path) -> 
     assert done.returncode == 1, done.stdout + done.stderr
     said = done.stdout.splitlines()
     assert said[0] == (
-        "the scenario is another: vehicles[0].sensors[5].missed_ticks (rover, worn): "
-        "0.01 recorded, 0.02 again"
+        "scenario differs: vehicles[0].sensors[5].missed_ticks (rover, worn): "
+        "0.01 recorded, 0.02 repeated"
     )
     differing = [line for line in said if line.startswith(("first difference: ", "and: "))]
     assert re.match(r"first difference: /(odom|worn_encoders) at ", differing[0])
     assert {line.split(": ")[1].split()[0] for line in differing} == {"/worn_encoders", "/odom"}
     (encoders,) = (line for line in differing if "/worn_encoders" in line)
     assert re.search(
-        r": ticks\[\d\] \(\w+\): -?\d+ recorded, -?\d+ again; \d of \d numbers differ$", encoders
+        r": ticks\[\d\] \(\w+\): -?\d+ recorded, -?\d+ repeated; \d of \d numbers differ$", encoders
     )
 
 
@@ -202,8 +202,11 @@ def test_a_run_in_real_time_with_people_and_accidents_in_it(tmp_path: Path) -> N
     done = groundlink("verify", str(out), str(scenario))
     assert done.returncode == 0, done.stdout + done.stderr
     absent = ", ".join(f"rover/{name}" for name in ("camera", "worn", "sonar", "depth", "stereo"))
-    assert f"nothing was recorded of {absent}, so" in done.stdout
-    assert "faults of `rover/imu` were changed by hand and happen again: stuck, bias" in done.stdout
+    assert f"no messages recorded of {absent}:" in done.stdout
+    assert (
+        "faults of `rover/imu` were changed during the run and are repeated: stuck, bias"
+        in done.stdout
+    )
     assert "the recording was ended early: compared up to " in done.stdout
     assert re.search(r"identical: \d{4} messages of \d\d topics", done.stdout)
 
@@ -263,7 +266,7 @@ def test_joints_that_were_commanded_on_the_bus_turn_again(tmp_path: Path) -> Non
     assert re.search(r"identical: \d+ messages of \d+ topics", done.stdout)
     for topic in ("/ground_truth/joints", "/scan"):
         assert topic in done.stdout, done.stdout
-    assert "what the run was told, and is told again" in done.stdout
+    assert "an input of the run, applied again from the recording" in done.stdout
 
 
 def test_ctrl_c_ends_all_of_it(run: tuple[Path, Path], tmp_path: Path) -> None:
@@ -275,7 +278,7 @@ def test_ctrl_c_ends_all_of_it(run: tuple[Path, Path], tmp_path: Path) -> None:
         verify.send_signal(signal.SIGINT)
         assert verify.wait(10) == 1
         said = it.log("verify.log")
-    assert "ended early: no result" in said
+    assert "ended early: nothing was compared" in said
     assert "Traceback" not in said
     assert not [pid for pid in children if Path(f"/proc/{pid}").exists()]
 

@@ -138,7 +138,7 @@ def _run(
     if failed:
         return supervised.exit_code(failed)
     if not verdict.exists():
-        console.print("ended early: no result")
+        console.print("ended early: nothing was compared")
         return 1
     return None
 

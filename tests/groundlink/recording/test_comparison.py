@@ -64,7 +64,7 @@ def test_the_first_difference_has_its_time_number_and_field() -> None:
     assert (v.equal, v.different, v.missing, v.new) == (98, 2, 0, 0)
     assert v.first is not None
     assert (v.first.nanos, v.first.number) == (40 * STEP, 41)
-    assert v.first.words == "linear_acceleration.x: 0.0 recorded, 0.5 again"
+    assert v.first.words == "linear_acceleration.x: 0.0 recorded, 0.5 repeated"
 
 
 def test_what_is_missing_does_not_shift_the_rest() -> None:
@@ -73,7 +73,7 @@ def test_what_is_missing_does_not_shift_the_rest() -> None:
     assert (v.equal, v.different, v.missing, v.new) == (97, 0, 3, 0)
     assert v.first is not None
     assert (v.first.nanos, v.first.number) == (30 * STEP, 31)
-    assert v.first.words == "recorded, and not there again"
+    assert v.first.words == "recorded, but missing in the repeated run"
 
 
 def test_what_is_new_does_not_shift_the_rest() -> None:
@@ -82,7 +82,7 @@ def test_what_is_new_does_not_shift_the_rest() -> None:
     assert (v.recorded, v.equal, v.different, v.missing, v.new) == (97, 97, 0, 0, 3)
     assert v.first is not None
     assert (v.first.nanos, v.first.number) == (30 * STEP, 31)
-    assert v.first.words == "not recorded, and there again"
+    assert v.first.words == "not recorded, but published in the repeated run"
 
 
 def test_what_was_left_out_for_a_cause_is_no_difference() -> None:
@@ -171,4 +171,4 @@ def test_every_byte_counts(size: int) -> None:
     changed = [RecordedMessage(0, "/points", "sensor_msgs/msg/PointCloud2", again)]
     first = compare(recorded, changed)["/points"].first
     assert first is not None
-    assert f"byte {7 + size} of {8 + size}: 0 recorded, 1 again" in first.words
+    assert f"byte {7 + size} of {8 + size}: 0 recorded, 1 repeated" in first.words

@@ -57,125 +57,125 @@ CASES: dict[str, tuple[BusMessage, BusMessage, str]] = {
     "a number": (
         IMU,
         replace(IMU, linear_acceleration_mps2=(0.1, 0.0, 9.82)),
-        "linear_acceleration.x: 0.0 recorded, 0.1 again",
+        "linear_acceleration.x: 0.0 recorded, 0.1 repeated",
     ),
     "a stamp": (
         IMU,
         replace(IMU, stamp_nanos=2_500_005),
-        "header.stamp.nanosec: 5 recorded, 2500005 again",
+        "header.stamp.nanosec: 5 recorded, 2500005 repeated",
     ),
     "a frame": (
         IMU,
         replace(IMU, frame="imu"),
-        "header.frame_id: `imu_link` recorded, `imu` again",
+        "header.frame_id: `imu_link` recorded, `imu` repeated",
     ),
     "less than a digit shows": (
         IMU,
         replace(IMU, linear_acceleration_mps2=(0.0, 0.0, np.nextafter(9.81, 10))),
-        "linear_acceleration.z: 9.81 recorded, 9.810000000000002 again",
+        "linear_acceleration.z: 9.81 recorded, 9.810000000000002 repeated",
     ),
     "all digits of a float64": (
         IMU,
         replace(IMU, linear_acceleration_mps2=(1 / 3, 0.0, 9.81)),
-        "linear_acceleration.x: 0.0 recorded, 0.3333333333333333 again",
+        "linear_acceleration.x: 0.0 recorded, 0.3333333333333333 repeated",
     ),
     "minus zero": (
         IMU,
         replace(IMU, angular_velocity_radps=(0.0, -0.0, 0.0)),
-        "angular_velocity.y: 0.0 recorded, -0.0 again",
+        "angular_velocity.y: 0.0 recorded, -0.0 repeated",
     ),
     "a variance": (
         IMU,
         replace(IMU, orientation_variance=0.25),
-        "orientation_covariance[0]: 0.0 recorded, 0.25 again; 3 of 9 numbers differ",
+        "orientation_covariance[0]: 0.0 recorded, 0.25 repeated; 3 of 9 numbers differ",
     ),
     "a nested field": (
         TRUTH,
         replace(TRUTH, position_m=(1.5, 0.0, 0.0)),
-        "pose.pose.position.x: 0.0 recorded, 1.5 again",
+        "pose.pose.position.x: 0.0 recorded, 1.5 repeated",
     ),
     "a covariance": (
         TRUTH,
         replace(TRUTH, twist_covariance=changed(COVARIANCE, 7, 2.0)),
-        "twist.covariance[7]: 0.0 recorded, 2.0 again; 1 of 36 numbers differ",
+        "twist.covariance[7]: 0.0 recorded, 2.0 repeated; 1 of 36 numbers differ",
     ),
     "a point": (
         CLOUD,
         of_points(1284, "intensity", 18.0),
-        "data: point 1284, field intensity: 17.0 recorded, 18.0 again; 1 of 1500 points differ",
+        "data: point 1284, field intensity: 17.0 recorded, 18.0 repeated; 1 of 1500 points differ",
     ),
     "points": (
         CLOUD,
         of_points(slice(3, 10), "ring", 7),
-        "data: point 3, field ring: 0 recorded, 7 again; 7 of 1500 points differ",
+        "data: point 3, field ring: 0 recorded, 7 repeated; 7 of 1500 points differ",
     ),
     "fewer points": (
         CLOUD,
         replace(CLOUD, points=packed(POINTS[1:])),
-        "width: 1500 recorded, 1499 again",
+        "width: 1500 recorded, 1499 repeated",
     ),
     "a true point": (
         TruePoints(5, "lidar_link", packed(np.zeros(3, TRUE_POINT))),
         TruePoints(
             5, "lidar_link", changed(np.zeros(3, TRUE_POINT).view(np.uint8), TRUE_POINT.itemsize, 1)
         ),
-        f"data: point 1, field {(TRUE_POINT.names or ())[0]}: 0.0 recorded, 1e-45 again; "
+        f"data: point 1, field {(TRUE_POINT.names or ())[0]}: 0.0 recorded, 1e-45 repeated; "
         "1 of 3 points differ",
     ),
     "a pixel": (
         PICTURE,
         replace(PICTURE, data=changed(PIXELS, (2, 4, 1), 9)),
-        "data: pixel in row 2, column 4, g: 0 recorded, 9 again; 1 of 24 pixels differ",
+        "data: pixel in row 2, column 4, g: 0 recorded, 9 repeated; 1 of 24 pixels differ",
     ),
     "a depth": (
         DEPTH,
         replace(DEPTH, data=changed(np.ones((2, 2), np.float32), (1, 0), 1.1)),
-        "data: pixel in row 1, column 0: 1.0 recorded, 1.1 again; 1 of 4 pixels differ",
+        "data: pixel in row 1, column 0: 1.0 recorded, 1.1 repeated; 1 of 4 pixels differ",
     ),
     "an unknown encoding": (
         replace(PICTURE, encoding="yuv422"),
         replace(PICTURE, encoding="yuv422", data=changed(PIXELS, (2, 4, 1), 9)),
-        "data: byte 49 of 72: 0 recorded, 9 again",
+        "data: byte 49 of 72: 0 recorded, 9 repeated",
     ),
     "a jpeg": (
         CompressedImage(5, "camera", "jpeg", memoryview(b"abcdefg")),
         CompressedImage(5, "camera", "jpeg", memoryview(b"abCdefgh")),
-        "data: 7 bytes recorded, 8 bytes again; equal up to byte 2",
+        "data: 7 bytes recorded, 8 bytes repeated; equal up to byte 2",
     ),
     "a range": (
         SCAN,
         replace(SCAN, ranges_m=changed(RANGES, 4, 1.7)),
-        "ranges[4]: 1.5 recorded, 1.7 again; 1 of 9 numbers differ",
+        "ranges[4]: 1.5 recorded, 1.7 repeated; 1 of 9 numbers differ",
     ),
     "nothing met": (
         SCAN,
         replace(SCAN, ranges_m=changed(RANGES, 4, np.inf)),
-        "ranges[4]: 1.5 recorded, inf again; 1 of 9 numbers differ",
+        "ranges[4]: 1.5 recorded, inf repeated; 1 of 9 numbers differ",
     ),
     "more of a list": (
         SCAN,
         replace(SCAN, intensities=packed(RANGES)),
-        "intensities: 0 numbers recorded, 9 numbers again",
+        "intensities: 0 numbers recorded, 9 numbers repeated",
     ),
     "a wheel": (
         WheelEncoders(5, "base", ("left", "right"), (3, 4)),
         WheelEncoders(5, "base", ("left", "right"), (3, 5)),
-        "ticks[1] (right): 4 recorded, 5 again; 1 of 2 numbers differ",
+        "ticks[1] (right): 4 recorded, 5 repeated; 1 of 2 numbers differ",
     ),
     "a joint": (
         JOINTS,
         replace(JOINTS, velocities=changed(WHEELS, 0, 1.25)),
-        "velocity[0] (left): 1.0 recorded, 1.25 again; 1 of 2 numbers differ",
+        "velocity[0] (left): 1.0 recorded, 1.25 repeated; 1 of 2 numbers differ",
     ),
     "a body": (
         BODIES,
         replace(BODIES, poses=changed(np.zeros(14), 8, 3.0)),
-        "transforms[1].transform.translation.y (box): 0.0 recorded, 3.0 again",
+        "transforms[1].transform.translation.y (box): 0.0 recorded, 3.0 repeated",
     ),
     "fewer bodies": (
         BODIES,
         Bodies(5, ("wall",), packed(np.zeros(7))),
-        "transforms: 2 parts recorded, 1 parts again",
+        "transforms: 2 elements recorded, 1 elements repeated",
     ),
 }
 
@@ -235,7 +235,7 @@ def test_bytes_that_are_no_message_any_more_are_still_placed() -> None:
     again[12] ^= 0x80  # the length of the frame's name: beyond the end
     again[13] ^= 0x80
     found = message_difference("sensor_msgs/msg/Imu", recorded, bytes(again))
-    assert str(found) == f"body: byte 12 of {len(recorded)}: 9 recorded, 137 again"
+    assert str(found) == f"body: byte 12 of {len(recorded)}: 9 recorded, 137 repeated"
 
 
 def test_bytes_between_fields_are_placed() -> None:
@@ -250,8 +250,8 @@ def test_of_dicts_and_lists_the_first_difference_is_named() -> None:
     was = {"seed": 1, "vehicles": [{"name": "rover", "sensors": [{"name": "imu", "noise": 0.1}]}]}
     now = {"seed": 1, "vehicles": [{"name": "rover", "sensors": [{"name": "imu", "noise": 0.2}]}]}
     found = first_difference(was, now)
-    assert str(found) == "vehicles[0].sensors[0].noise (rover, imu): 0.1 recorded, 0.2 again"
+    assert str(found) == "vehicles[0].sensors[0].noise (rover, imu): 0.1 recorded, 0.2 repeated"
     assert first_difference(was, was) is None
     assert str(first_difference({"route": None}, {"route": 1})) == (
-        "route: nothing recorded, 1 again"
+        "route: nothing recorded, 1 repeated"
     )

@@ -138,7 +138,7 @@ def test_too_little_is_one_line(lab: Scenario, tmp_path: Path) -> None:
     file.close()
     with (
         Recording(tmp_path / "b.mcap") as recording,
-        pytest.raises(UserError, match="not even the run's clock"),
+        pytest.raises(UserError, match="no messages recorded"),
     ):
         verifying.compared_span(recording)
 
@@ -164,9 +164,9 @@ def test_what_cannot_come_again_has_its_reason(lab: Scenario, tmp_path: Path) ->
             "rover/camera",
         ]
         assert verifying.not_compared(recording) == {
-            "/cmd_vel": "what the run was told, and is told again",
-            "/faults/rover/imu": "changed by hand; now there from the start",
-            "/gaps/rover/imu": "what was left out then",
+            "/cmd_vel": "an input of the run, applied again from the recording",
+            "/faults/rover/imu": "changed during the run; the repeated run has it from the start",
+            "/gaps/rover/imu": "missing readings of the recorded run",
         }
         compared = {message.topic for message in verifying.compared_messages(recording)}
     assert compared == {"/clock", "/imu"}
@@ -174,8 +174,8 @@ def test_what_cannot_come_again_has_its_reason(lab: Scenario, tmp_path: Path) ->
 
 STUCK, BIAS = Stuck(at_s=2.0), Bias(at_s=4.0, value=0.5)
 DROP = Drop(at_s=3.0, for_s=1.0, share=0.5)
-JOINED = "told by a process that joined later"
-BY_HAND = "changed by hand; now there from the start"
+JOINED = "published by a process that joined late"
+BY_HAND = "changed during the run; the repeated run has it from the start"
 LIVE: dict[str, tuple[tuple[Fault, ...], Rows, tuple[Fault, ...] | None, str | None]] = {
     "none": ((), [], None, None),
     "the scenario's": (
@@ -264,7 +264,7 @@ def test_commands_of_joints_are_taken_again_as_those_of_the_vehicle(tmp_path: Pa
         again = verifying.replay_journal(recording, tank)
         why = verifying.not_compared(recording)
     assert list(again.read()) == [JointsCommanded(40, "tank", command(40 * TICK_NANOS))]
-    assert why["/joint_commands"] == "what the run was told, and is told again"
+    assert why["/joint_commands"] == "an input of the run, applied again from the recording"
     assert where[0] not in why
 
 
@@ -355,18 +355,18 @@ def test_a_recording_that_begins_late_says_from_when_it_is_compared(
     with record(tmp_path / "a.mcap", lab, [], begin_s=2.0) as recording:
         extent = ComparedSpan(EPOCH + 2 * NANOS, EPOCH + 9 * NANOS, EPOCH, EPOCH)
         said = list(verifying.caveats(recording, lab, extent))
-    assert "recorded from 2.000 s on: what is earlier runs, and is not compared" in said
+    assert "the recording begins at 2.000 s: earlier messages are not compared" in said
 
 
 def test_only_what_bytes_may_depend_on_tells_scenarios_apart(lab: Scenario) -> None:
     paced = replace(lab, name="other", time=replace(lab.time, mode="fast", factor=3.0))
     assert verifying.scenario_difference(lab, paced) is None
     assert str(verifying.scenario_difference(lab, replace(lab, seed=2))) == (
-        "seed: 1 recorded, 2 again"
+        "seed: 1 recorded, 2 repeated"
     )
     faulty = verifying.scenario_difference(lab, with_faults(lab, (STUCK,)))
     assert str(faulty) == (
-        "vehicles[0].sensors[1].faults (rover, imu): 0 parts recorded, 1 parts again"
+        "vehicles[0].sensors[1].faults (rover, imu): 0 elements recorded, 1 elements repeated"
     )
 
 
