@@ -169,13 +169,11 @@ def _joined(file: Path, pieces: list[MeshPiece], points: int, warn: Warn) -> Imp
 
 def _check_size(file: Path, size: Floats, spec: MeshFile, warn: Warn) -> None:
     """Warn about units that look wrong."""
-    told = " x ".join(f"{length:.4g}" for length in size)
+    extent = " x ".join(f"{length:.4g}" for length in size)
     if size.max() > LARGE_M:
-        warn(
-            f"{file}: {told} m is large; is its unit the millimeter? `scale: {spec.scale / 1000:g}`"
-        )
+        warn(f"{file}: {extent} m is large. Fix: for millimeters, `scale: {spec.scale / 1000:g}`")
     if size.max() < SMALL_M:
-        warn(f"{file}: {told} m is small; correct `scale`, which is {spec.scale:g}")
+        warn(f"{file}: {extent} m is small. Fix: correct `scale`, got {spec.scale:g}")
 
 
 def _vector(point: NDArray[np.float32]) -> Vector3:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.lockstep_window import window_mistake
-from groundlink.scenario.ros_side import TOLD_BY_THE_GATEWAY, Stream
+from groundlink.scenario.ros_side import GATEWAY_TOPICS, Stream
 from groundlink.scenario.route import Route, ThereAndBack, Waypoints
 from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Scenario, Vehicle
 from groundlink.scenario.sensor_kinds import kind_of, load_reference
@@ -72,14 +72,14 @@ class _Use(NamedTuple):
 
 def _check_topics(scenario: Scenario, document: Document) -> None:
     """Refuse topics that two streams share, in either direction."""
-    told = [_Use(topic, (), "the gateway") for topic in TOLD_BY_THE_GATEWAY]
+    reserved = [_Use(topic, (), "the gateway") for topic in GATEWAY_TOPICS]
     first: dict[str, _Use] = {}
     for use in _sent(scenario):
         _take(use, first, document)
-    first |= {use.topic: use for use in told}
+    first |= {use.topic: use for use in reserved}
     for v, vehicle in enumerate(scenario.vehicles):
-        heard = [("from_ros", topic) for topic in vehicle.from_ros.all_topics()]
-        for field, topic in (*heard, ("command_topic", vehicle.command_topic)):
+        subscribed = [("from_ros", topic) for topic in vehicle.from_ros.all_topics()]
+        for field, topic in (*subscribed, ("command_topic", vehicle.command_topic)):
             whose = f"`{field}` of `{vehicle.name}`"
             _take(_Use(topic, ("vehicles", v, field), whose), first, document)
 

@@ -35,10 +35,10 @@ def left_out(recording: Recording) -> LeftOut:
     for vehicle in scenario.vehicles:
         for sensor in vehicle.sensors:
             topics = sensor.ros_topics()
-            for told in messages_of(
+            for report in messages_of(
                 recording, missing_readings_topic(f"{vehicle.name}/{sensor.name}"), MissingReadings
             ):
-                for gap in told.gaps:
+                for gap in report.gaps:
                     for output in gap.outputs:
                         found[topics[output]].append((gap.first_nanos, gap.last_nanos, gap.cause))
     for gaps in found.values():
@@ -69,10 +69,10 @@ def accumulating_topics(recording: Recording) -> dict[str, str]:
             misses = isinstance(sensor, Encoders) and sensor.missed_ticks > 0
             if not (misses or isinstance(sensor, WheelOdometry)):
                 continue
-            told = messages_of(
+            reports = messages_of(
                 recording, missing_readings_topic(f"{vehicle.name}/{sensor.name}"), MissingReadings
             )
-            missed = Counter(gap.cause for news in told for gap in news.gaps)
+            missed = Counter(gap.cause for news in reports for gap in news.gaps)
             causes: list[str] = ["before the recording, perhaps"] if is_late else []
             causes += [cause for cause in _STATES_MISSED if missed[cause]]
             if causes:

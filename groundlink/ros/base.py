@@ -39,7 +39,7 @@ POSSIBLE = 2.0
 """Factor on the largest possible wheel speed. A faster change of a counter is a counter reset."""
 
 
-class Told(NamedTuple):
+class DerivedMessage(NamedTuple):
     """Message for ROS, with its topic and instant."""
 
     topic: str
@@ -64,7 +64,7 @@ class Base:
         self._encoders = _first(vehicle, Encoders)
         odometry = _first(vehicle, WheelOdometry) if vehicle.tf.odom else None
         self._joints_topic = f"{vehicle.namespace}/{JOINT_STATES}"
-        self.places: list[BaseTopic] = []
+        self.topics: list[BaseTopic] = []
         """Topics of the messages that follow from bus messages, without the robot description."""
 
         self.keys: dict[str, str] = {}
@@ -75,10 +75,10 @@ class Base:
                 run, vehicle=vehicle.name, sensor=self._encoders.name
             )
             self.keys["encoders"] = key
-            self.places.append(BaseTopic(self._joints_topic, JointState, self._encoders.rate_hz))
+            self.topics.append(BaseTopic(self._joints_topic, JointState, self._encoders.rate_hz))
         if vehicle.model.joints:
             self.keys["joints"] = JOINTS.key_in(run, vehicle=vehicle.name)
-            self.places.append(
+            self.topics.append(
                 BaseTopic(self._joints_topic, JointState, vehicle.ground_truth.rate_hz)
             )
         tf_hz = 0.0
@@ -88,12 +88,14 @@ class Base:
             )
             self.keys["odometry"] = key
             tf_hz += odometry.rate_hz
-        self._from_truth = TopFromTruth(MAP_FRAME, _top(vehicle, odometry), alone=odometry is None)
+        self._from_truth = TopFromTruth(
+            MAP_FRAME, _top(vehicle, odometry), without_odometry=odometry is None
+        )
         if vehicle.tf.map == "truth":
             self.keys["truth"] = GROUND_TRUTH.key_in(run, vehicle=vehicle.name)
             tf_hz += odometry.rate_hz if odometry else vehicle.ground_truth.rate_hz
         if tf_hz:
-            self.places.append(BaseTopic(TF_TOPIC, Transforms, tf_hz))
+            self.topics.append(BaseTopic(TF_TOPIC, Transforms, tf_hz))
         self._roles = {key: role for role, key in self.keys.items()}
         self.description_topic = f"{vehicle.namespace}/{DESCRIPTION}"
         self.description = urdf(
@@ -108,25 +110,29 @@ class Base:
         self._last: tuple[int, Floats] | None = None
         self._from_truth.restart()
 
-    def hear(self, key: str, message: BusMessage) -> Iterator[Told]:
+    def receive(self, key: str, message: BusMessage) -> Iterator[DerivedMessage]:
         """Yield the ROS messages that follow from a message of the bus."""
         role = self._roles.get(key)
         if role == "encoders" and isinstance(message, WheelEncoders):
             if len(message.ticks) != len(self._vehicle.model.counted):
                 return  # The reading is from a replayed run or another publisher.
-            yield Told(self._joints_topic, self._joint_state(message), measured_nanos(message))
+            yield DerivedMessage(
+                self._joints_topic, self._joint_state(message), measured_nanos(message)
+            )
         elif role == "joints" and isinstance(message, JointState):
-            yield Told(self._joints_topic, replace(message, frame=""), message.stamp_nanos)
+            yield DerivedMessage(
+                self._joints_topic, replace(message, frame=""), message.stamp_nanos
+            )
         elif role is not None and isinstance(message, Odometry):
             if role == "odometry":
                 moved = stamped(
                     *(message.stamp_nanos, message.frame, message.child_frame),
                     *(message.position_m, message.orientation),
                 )
-                yield Told(TF_TOPIC, Transforms((moved,)), measured_nanos(message))
+                yield DerivedMessage(TF_TOPIC, Transforms((moved,)), measured_nanos(message))
             if "truth" in self.keys:
-                for nanos, transform in self._from_truth.hear(role, message):
-                    yield Told(TF_TOPIC, Transforms((transform,)), nanos)
+                for nanos, transform in self._from_truth.receive(role, message):
+                    yield DerivedMessage(TF_TOPIC, Transforms((transform,)), nanos)
 
     def fixed(self, stamp_nanos: int) -> tuple[Transform, ...]:
         """Return the static transforms above `odom`."""
@@ -195,7 +201,7 @@ class TrueTree:
     def __init__(self, vehicle: Vehicle, run: str) -> None:
         odometry = _first(vehicle, WheelOdometry) if vehicle.tf.odom else None
         self._roles: dict[str, str] = {}
-        self.places: list[BaseTopic] = []
+        self.topics: list[BaseTopic] = []
         """Topics of the messages; empty if `/tf` includes `world` already."""
 
         if vehicle.tf.map != "truth":
@@ -207,21 +213,21 @@ class TrueTree:
                 )
                 self._roles[key] = "odometry"
                 rate_hz = odometry.rate_hz
-            self.places.append(BaseTopic(TRUE_TF_TOPIC, Transforms, rate_hz))
+            self.topics.append(BaseTopic(TRUE_TF_TOPIC, Transforms, rate_hz))
         self._from_truth = TopFromTruth(
-            WORLD_FRAME, _top(vehicle, odometry), alone=odometry is None
+            WORLD_FRAME, _top(vehicle, odometry), without_odometry=odometry is None
         )
 
     def restart(self) -> None:
         """Reset the state at the start of an episode."""
         self._from_truth.restart()
 
-    def hear(self, key: str, message: BusMessage) -> Iterator[Told]:
+    def receive(self, key: str, message: BusMessage) -> Iterator[DerivedMessage]:
         """Yield the ROS messages that follow from a message of the bus."""
         role = self._roles.get(key)
         if role is not None and isinstance(message, Odometry):
-            for nanos, transform in self._from_truth.hear(role, message):
-                yield Told(TRUE_TF_TOPIC, Transforms((transform,)), nanos)
+            for nanos, transform in self._from_truth.receive(role, message):
+                yield DerivedMessage(TRUE_TF_TOPIC, Transforms((transform,)), nanos)
 
 
 class Bases:
@@ -237,8 +243,8 @@ class Bases:
         self._scenario = scenario
         self._bases = [Base(scenario, vehicle, run) for vehicle in scenario.vehicles]
         trees = [TrueTree(vehicle, run) for vehicle in scenario.vehicles if truth]
-        self._tellers: list[Base | TrueTree] = [*self._bases, *trees]
-        self.places = [place for teller in self._tellers for place in teller.places]
+        self._drivers: list[Base | TrueTree] = [*self._bases, *trees]
+        self.topics = [topic for driver in self._drivers for topic in driver.topics]
         """Topics of the messages that follow from bus messages."""
 
         self.latched: dict[str, type[BusMessage]] = {
@@ -247,23 +253,23 @@ class Bases:
         }
         """Message types of latched topics: all topics that `still` can publish."""
 
-    def hear(self, key: str, message: BusMessage) -> Iterator[Told]:
+    def receive(self, key: str, message: BusMessage) -> Iterator[DerivedMessage]:
         """Yield the ROS messages that follow from a message of the bus."""
-        for teller in self._tellers:
-            yield from teller.hear(key, message)
+        for driver in self._drivers:
+            yield from driver.receive(key, message)
 
     def restart(self) -> None:
         """Reset the state at the start of an episode."""
-        for teller in self._tellers:
-            teller.restart()
+        for driver in self._drivers:
+            driver.restart()
 
-    def still(self, stamp_nanos: int) -> Iterator[Told]:
+    def still(self, stamp_nanos: int) -> Iterator[DerivedMessage]:
         """Yield the latched messages: static transforms and robot descriptions."""
         if transforms := still_transforms(self._scenario, self._bases, stamp_nanos):
-            yield Told(TF_STATIC_TOPIC, transforms, stamp_nanos)
+            yield DerivedMessage(TF_STATIC_TOPIC, transforms, stamp_nanos)
         for base in self._bases:
             text = Text(stamp_nanos, base.description)
-            yield Told(base.description_topic, text, stamp_nanos)
+            yield DerivedMessage(base.description_topic, text, stamp_nanos)
 
 
 def still_transforms(scenario: Scenario, bases: list[Base], stamp_nanos: int) -> Transforms | None:

@@ -59,9 +59,9 @@ ROS_CODECS = {message: codec for message, codec in CODECS.items() if not codec.r
 """Codecs of the messages that go to ROS."""
 
 
-def ros_type_of(message: type[BusMessage], told: str = "") -> str:
-    """Return the ROS type of a stream's messages; `told` is the type of relayed messages."""
-    return told if message is Relayed else CODECS[message].ros_type
+def ros_type_of(message: type[BusMessage], relayed_type: str = "") -> str:
+    """Return the ROS type of a stream; `relayed_type` is that of relayed messages."""
+    return relayed_type if message is Relayed else CODECS[message].ros_type
 
 
 def to_cdr(message: BusMessage) -> memoryview:

@@ -26,14 +26,14 @@ def faults(message: Faults) -> dict[str, Any]:
     facts = {"tick": str(message.tick)}
     for number, fault in enumerate(message.active, 1):
         facts[f"{FAULT_PREFIX}{number}"] = msgspec.json.encode(fault).decode()
-    told = status(
+    row = status(
         f"{message.sensor}: faults",
         ERROR if message.active else OK,
         ", ".join(fault.kind for fault in message.active) or "none",
         facts,
         hardware_id=message.sensor,
     )
-    return {"header": header(message.stamp_nanos, ""), "status": [told]}
+    return {"header": header(message.stamp_nanos, ""), "status": [row]}
 
 
 def from_faults(array: Any) -> Faults:

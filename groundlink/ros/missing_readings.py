@@ -26,10 +26,10 @@ def _encode(message: MissingReadings) -> dict[str, Any]:
         f"gap {number}": msgspec.json.encode(gap).decode()
         for number, gap in enumerate(message.gaps, 1)
     }
-    told = status(
+    row = status(
         f"{message.sensor}: gaps", WARN, in_words(missing), facts, hardware_id=message.sensor
     )
-    return {"header": header(message.stamp_nanos, ""), "status": [told]}
+    return {"header": header(message.stamp_nanos, ""), "status": [row]}
 
 
 def from_missing_readings(array: Any) -> MissingReadings:

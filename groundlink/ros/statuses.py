@@ -33,5 +33,5 @@ def the_only(array: Any) -> tuple[str, dict[str, str]]:
     """
     if len(array.status) != 1:
         raise ValueError(f"{len(array.status)} statuses, expected one")
-    (told,) = array.status
-    return told.hardware_id, {pair.key: pair.value for pair in told.values}
+    (row,) = array.status
+    return row.hardware_id, {pair.key: pair.value for pair in row.values}

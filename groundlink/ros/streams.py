@@ -103,7 +103,7 @@ def recorded_only(scenario: Scenario, run: str) -> list[RosStream]:
         )
         for vehicle in scenario.vehicles
     ]
-    told = [
+    per_sensor = [
         RosStream(
             key=row.key_in(run, process=sensor),
             message=row.message,
@@ -113,7 +113,7 @@ def recorded_only(scenario: Scenario, run: str) -> list[RosStream]:
         for row, topic in ((FAULTS, faults_topic), (MISSING_READINGS, missing_readings_topic))
         for sensor in scenario.sensor_names()
     ]
-    return [*vitals, *told]
+    return [*vitals, *per_sensor]
 
 
 def faults_topic(sensor: str) -> str:

@@ -26,12 +26,12 @@ class TopFromTruth:
     ----------
     parent, child
         frames of the transforms.
-    alone
+    without_odometry
         whether there is no odometry, so that `child` is the base frame.
     """
 
-    def __init__(self, parent: str, child: str, *, alone: bool) -> None:
-        self._parent, self._child, self._alone = parent, child, alone
+    def __init__(self, parent: str, child: str, *, without_odometry: bool) -> None:
+        self._parent, self._child, self._without_odometry = parent, child, without_odometry
         self._odometry: deque[Odometry] = deque(maxlen=WAITING)
         self._truths: deque[Odometry] = deque(maxlen=WAITING)
 
@@ -40,9 +40,9 @@ class TopFromTruth:
         self._odometry.clear()
         self._truths.clear()
 
-    def hear(self, role: str, message: Odometry) -> Iterator[tuple[int, Transform]]:
+    def receive(self, role: str, message: Odometry) -> Iterator[tuple[int, Transform]]:
         """Yield the instant and transform of each odometry once its ground truth is known."""
-        if role == "truth" and self._alone:
+        if role == "truth" and self._without_odometry:
             placed = message.position_m, message.orientation
             yield (
                 message.stamp_nanos,

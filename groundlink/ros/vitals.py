@@ -34,14 +34,14 @@ def vitals(message: Vitals) -> dict[str, Any]:
         rest = {"force_n": contact.force_n, "tick": contact.tick, "ticks": contact.ticks}
         facts[CONTACT_PREFIX + contact.name] = msgspec.json.encode(rest).decode()
     names = ", ".join(contact.name for contact in message.contacts)
-    told = status(
+    row = status(
         f"{message.vehicle}: vitals",
         WARN if names else OK,
         f"touches {names}" if names else "touches nothing",
         facts,
         hardware_id=message.vehicle,
     )
-    return {"header": header(message.stamp_nanos, ""), "status": [told]}
+    return {"header": header(message.stamp_nanos, ""), "status": [row]}
 
 
 def from_vitals(array: Any) -> Vitals:

@@ -76,7 +76,7 @@ RosType = Literal[
 ]
 """Message types that can come from ROS. Scenario files may also use the ROS 2 form with `/msg/`."""
 
-TOLD_BY_THE_GATEWAY = frozenset({"/clock", "/tf", "/tf_static", "/ground_truth/tf"})
+GATEWAY_TOPICS = frozenset({"/clock", "/tf", "/tf_static", "/ground_truth/tf"})
 """Topics that the gateway publishes to ROS; they cannot come from ROS."""
 
 

@@ -131,9 +131,9 @@ class StreamCarrier:
                 key, message = arrived
                 if isinstance(message, Clock):
                     self._take_clock(message)
-                self._follower.hear(key, message)
+                self._follower.handle(key, message)
             self._follower.turn(time.monotonic())
-            self._gateway.hear_native()
+            self._gateway.receive_native()
             if self._heartbeat.due():
                 if (changed := self._following_scenario(stop)) is not None:
                     return changed
@@ -200,7 +200,9 @@ def _link(
             signed_peer=settings.signed_peer,
             on_message=gateway.on_message,
             report=True,
-            repair=dict.fromkeys(gateway.places, REPAIR) if in_lockstep else repair_table(streams),
+            repair=dict.fromkeys(gateway.topic_keys, REPAIR)
+            if in_lockstep
+            else repair_table(streams),
             queue_limits=queue_limits(streams),
         )
     except BaseException as error:

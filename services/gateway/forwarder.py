@@ -69,7 +69,7 @@ class Forwarder:
                     self._newest = arrived[1]
         return self._pile.popleft() if self._pile else inbox.get(seconds=LISTEN_SECONDS)
 
-    def hear(self, key: str, message: BusMessage) -> None:
+    def handle(self, key: str, message: BusMessage) -> None:
         """Handle a message of the bus."""
         if self._is_stale(message):
             self._gateway.counts["stale"] += 1

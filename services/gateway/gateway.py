@@ -70,11 +70,11 @@ class Gateway:
         replies: ReplyMailbox | None = None,
     ) -> None:
         self.streams: Mapping[str, Outgoing] = {s.key: s for s in outgoing(scenario, run)}
-        self._place_in_ros = {s.key: (wire_type(s.message), s.topic) for s in self.streams.values()}
+        self._ros_topics = {s.key: (wire_type(s.message), s.topic) for s in self.streams.values()}
         self.typed = {
-            place: CODECS[self.streams[key].message].ros_type
-            for key, place in self._place_in_ros.items()
-            if place[0] == TYPED
+            topic_key: CODECS[self.streams[key].message].ros_type
+            for key, topic_key in self._ros_topics.items()
+            if topic_key[0] == TYPED
         }
         """ROS type of the streams that have no number on the wire."""
 
@@ -85,11 +85,11 @@ class Gateway:
         self._has_subscribed = False
         self._bases = Bases(scenario, run)
         # A stream that is not pushed may never be subscribed to, so no rate is expected of it.
-        rates = {self._place_in_ros[s.key]: s.declared_hz for s in self.streams.values() if s.push}
-        for topic, message, declared_hz in self._bases.places:
-            place = wire_type(message), topic
-            rates[place] = rates.get(place, 0.0) + declared_hz
-        self.places = frozenset({*self._place_in_ros.values(), *rates})
+        rates = {self._ros_topics[s.key]: s.declared_hz for s in self.streams.values() if s.push}
+        for topic, message, declared_hz in self._bases.topics:
+            topic_key = wire_type(message), topic
+            rates[topic_key] = rates.get(topic_key, 0.0) + declared_hz
+        self.topic_keys = frozenset({*self._ros_topics.values(), *rates})
         """Wire type and topic of every stream."""
 
         self._reports = PeerReports(
@@ -106,9 +106,9 @@ class Gateway:
         self.pushed: tuple[TopicKey, ...] = (*rates, *sorted(self.latched))
         """Wire type and topic of all that is sent without a subscription."""
 
-        self._subscribers = Subscribers(self.places | self.latched)
-        for place in self.pushed:
-            self._subscribers.push(place, peer)
+        self._subscribers = Subscribers(self.topic_keys | self.latched)
+        for topic_key in self.pushed:
+            self._subscribers.push(topic_key, peer)
         self.newest: dict[str, int] = {}
         """By stream: stamp of the newest message that was sent to ROS."""
 
@@ -138,17 +138,21 @@ class Gateway:
             self.counts["stale"] += 1
             return []
         self.missing_readings.came(key, measured_nanos(message))
-        told = [(self._place_in_ros[key], message)]
-        derived = self._bases.hear(key, message)
-        told += [((wire_type(type(m)), topic), m) for topic, m, _ in derived]
-        return [(place, m) for place, m in told if self.peer in self._send(place, m, link)]
+        messages = [(self._ros_topics[key], message)]
+        derived = self._bases.receive(key, message)
+        messages += [((wire_type(type(m)), topic), m) for topic, m, _ in derived]
+        return [
+            (topic_key, m)
+            for topic_key, m in messages
+            if self.peer in self._send(topic_key, m, link)
+        ]
 
-    def forward_again(self, told: Sequence[ToRos], link: Link) -> None:
+    def forward_again(self, messages: Sequence[ToRos], link: Link) -> None:
         """Send messages to the peer again, after it was restarted."""
-        for place, message in told:
-            self._send(place, message, link, to=[self.peer])
+        for topic_key, message in messages:
+            self._send(topic_key, message, link, to=[self.peer])
 
-    def hear_native(self) -> None:
+    def receive_native(self) -> None:
         """Handle messages from ROS that did not come over the wire."""
         for message in self.native.arrived():
             self.take(message)
@@ -180,8 +184,8 @@ class Gateway:
         if self.clock_nanos is None:
             return
         # Static messages are stamped with the start of the run, so that repetitions are equal.
-        for topic, told, _ in self._bases.still(self.epoch_nanos):
-            self._send((wire_type(type(told)), topic), told, link)
+        for topic, message, _ in self._bases.still(self.epoch_nanos):
+            self._send((wire_type(type(message)), topic), message, link)
 
     def on_message(self, message: WireMessage, sender: Address) -> None:
         """Handle a message of the wire; called on the link's receive thread."""
@@ -234,7 +238,7 @@ class Gateway:
 
     def _send(
         self,
-        place: TopicKey,
+        topic_key: TopicKey,
         message: BusMessage,
         link: Link,
         *,
@@ -244,21 +248,21 @@ class Gateway:
         stamp_nanos = measured_nanos(message)
         is_news = to is None
         if to is None:
-            to = self._subscribers.receivers(place, stamp_nanos, time.monotonic())
-        if not to and not self.native.offers(place):
+            to = self._subscribers.receivers(topic_key, stamp_nanos, time.monotonic())
+        if not to and not self.native.offers(topic_key):
             return to
         try:
             cdr = to_cdr(message)
         except BadBusMessage:
             self.counts["refused"] += 1
             return ()
-        msg_type, topic = place
+        msg_type, topic = topic_key
         frame = getattr(message, "frame", "")
         if isinstance(message, Reading):  # the wire carries the time of the sensor's own clock
             stamp_nanos += message.clock_error_nanos
         if is_news:
-            self.native.publish(place, stamp_nanos, cdr)
-        body = wire_body(place, message, cdr)
+            self.native.publish(topic_key, stamp_nanos, cdr)
+        body = wire_body(topic_key, message, cdr)
         for receiver in to:
             try:
                 link.send(msg_type, topic, frame, stamp_nanos, body, to=receiver)

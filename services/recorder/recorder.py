@@ -121,9 +121,9 @@ class Recorder:
         """By stream that certainly has messages: not those of other processes, nor faults."""
 
         self._declared_hz = {s.topic: s.declared_hz for s in self._outgoing.values()}
-        for place in self._bases.places:
-            so_far = self._declared_hz.get(place.topic) or 0.0
-            self._declared_hz[place.topic] = so_far + place.declared_hz
+        for each in self._bases.topics:
+            so_far = self._declared_hz.get(each.topic) or 0.0
+            self._declared_hz[each.topic] = so_far + each.declared_hz
         self._health: dict[str, Health] = {}
         self._file: RecordingFile | None = None
         self.early = deque(early, maxlen=EARLY_MESSAGES)
@@ -199,10 +199,10 @@ class Recorder:
         self._write(key, message, stamp)
         if self._is_beyond(stamp):
             return
-        for topic, told, nanos in self._bases.hear(key, message):
-            self._put(topic, ros_type_of(type(told)), nanos, told)
+        for topic, derived, nanos in self._bases.receive(key, message):
+            self._put(topic, ros_type_of(type(derived)), nanos, derived)
 
-    def heard(self, health: Health) -> None:
+    def take_health(self, health: Health) -> None:
         """Keep a health message for the next diagnostics."""
         self._health[health.process] = health
 
@@ -289,10 +289,10 @@ class Recorder:
         self._file = self._begin(clock.epoch_nanos)
         for stream in self.streams:
             self._topic(stream.topic, ros_type_of(stream.message, stream.ros_type))
-        for place in self._bases.places:
-            self._topic(place.topic, ros_type_of(place.message))
-        for topic, told, _ in self._bases.still(clock.epoch_nanos):
-            self._put(topic, ros_type_of(type(told)), clock.stamp_nanos, told)
+        for each in self._bases.topics:
+            self._topic(each.topic, ros_type_of(each.message))
+        for topic, derived, _ in self._bases.still(clock.epoch_nanos):
+            self._put(topic, ros_type_of(type(derived)), clock.stamp_nanos, derived)
 
     def _write(self, key: str, message: BusMessage, nanos: int) -> None:
         stream = self._outgoing.get(key) or self._incoming[key]

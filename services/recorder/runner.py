@@ -123,7 +123,7 @@ class BusRecorder:
 
     def _take(self, key: str, message: BusMessage) -> None:
         if isinstance(message, Health):
-            self._recorder.heard(message)
+            self._recorder.take_health(message)
             return
         if isinstance(message, Ack):
             self._recorder.acknowledged(key.removeprefix(self._ack_prefix), message)

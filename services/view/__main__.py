@@ -61,7 +61,7 @@ class RunView(Protocol):
     def take_health(self, health: Health, now_seconds: float) -> None:
         """Take the health of a process, received at a time of the wall clock."""
 
-    def tell(self, text: str) -> None:
+    def show_text(self, text: str) -> None:
         """Show a text in Markdown."""
 
     def flush(self) -> None:
@@ -142,7 +142,7 @@ def show_file(options: argparse.Namespace, stop: threading.Event) -> None:
         playback = Playback(recording, streams.values())
         paths = {stream.key: path for path, stream in streams.items()}
         view = _view(options, scenario, run, streams, whole=True)
-        view.tell(_in_words(recording))
+        view.show_text(_in_words(recording))
         if options.save is None:
             _end_in_time()
         truth = StateReconstructor(scenario, run)

@@ -32,7 +32,7 @@ from .point_placement import Reals, points_in_world
 ASKED = (255, 170, 60)
 """Color of commands."""
 
-TOLD = (255, 120, 200)
+ESTIMATE = (255, 120, 200)
 """Color of poses from a vehicle's own stack."""
 
 MAP_OPACITY = 0.6
@@ -128,21 +128,21 @@ def pose_stamped(
     drawing: Drawing, track: Track, path: str, message: navigation.PoseStamped
 ) -> None:
     """Draw the stack's estimate of the pose as a line beside the ground truth."""
-    _told(drawing, track, path, message, message.position_m, message.orientation)
+    _draw_estimate(drawing, track, path, message, message.position_m, message.orientation)
 
 
 def odometry(drawing: Drawing, track: Track, path: str, message: navigation.Odometry) -> None:
     """Draw odometry as a pose and plot its speed."""
     if path.endswith("/ground_truth"):
         return  # states say the same, and more often
-    _told(drawing, track, path, message, message.position_m, message.orientation)
+    _draw_estimate(drawing, track, path, message, message.position_m, message.orientation)
     at = drawing.sim_nanos(message.stamp_nanos)
     drawing.plots.add(
         f"{track.spec.name}/speed/odometry", at, [message.linear_mps[0]], ["odometry"]
     )
 
 
-def _told(
+def _draw_estimate(
     drawing: Drawing, track: Track, path: str, message: Any, position: Any, orientation: Any
 ) -> None:
     stamp: int = message.stamp_nanos
@@ -152,7 +152,7 @@ def _told(
     drawing.in_frame(path, WORLD if message.frame == WORLD else track.stack_frame)
     trail = drawing.trails.setdefault(path, Trail())
     if trail.add(position):
-        line = rr.LineStrips3D([trail.points], colors=[TOLD], radii=[-2.5])
+        line = rr.LineStrips3D([trail.points], colors=[ESTIMATE], radii=[-2.5])
         drawing.log(path, stamp, line)
 
 

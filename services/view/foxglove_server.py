@@ -42,9 +42,9 @@ class FoxgloveServer(ServerListener):
             for path, stream in streams.items()
         }
         self._bases = Bases(scenario, run, truth=True)
-        told: dict[str, type[BusMessage]] = {p.topic: p.message for p in self._bases.places}
-        told |= {TRUE_TF_TOPIC: Transforms, **self._bases.latched}
-        self._told = {topic: self._channel(topic, message) for topic, message in told.items()}
+        derived: dict[str, type[BusMessage]] = {p.topic: p.message for p in self._bases.topics}
+        derived |= {TRUE_TF_TOPIC: Transforms, **self._bases.latched}
+        self._derived = {topic: self._channel(topic, message) for topic, message in derived.items()}
         self._scene = SceneUpdateChannel(SCENE_TOPIC, context=self._context)
         maps = {s.topic for s in streams.values() if s.message is OccupancyGrid}
         self._latched = {SCENE_TOPIC, *self._bases.latched, *maps}
@@ -93,14 +93,14 @@ class FoxgloveServer(ServerListener):
             self._epoch_nanos = self._scene_nanos = newest.epoch_nanos
             self._is_owed = True
         if newest.actors and self._scenario.world.actors:
-            self._log(self._told[TRUE_TF_TOPIC], actor_transforms(self._scenario, newest))
+            self._log(self._derived[TRUE_TF_TOPIC], actor_transforms(self._scenario, newest))
 
     def take(self, path: str, stream: RosStream, message: BusMessage) -> None:
         """Serve a message under its ROS topic."""
         if isinstance(message, Clock):
             self._server.broadcast_time(message.stamp_nanos)
-        for topic, told, _ in self._bases.hear(stream.key, message):
-            self._log(self._told[topic], told)
+        for topic, derived, _ in self._bases.receive(stream.key, message):
+            self._log(self._derived[topic], derived)
         if isinstance(message, OccupancyGrid):
             self._maps[path] = message
         self._log(self._channels[path], message)
@@ -108,15 +108,15 @@ class FoxgloveServer(ServerListener):
     def take_health(self, health: Health, now_seconds: float) -> None:
         """Do nothing: there is no ROS topic for it."""
 
-    def tell(self, text: str) -> None:
+    def show_text(self, text: str) -> None:
         """Do nothing: there is no ROS topic for it."""
 
     def flush(self) -> None:
         """Publish messages that seldom change, if there is a new subscriber."""
         if self._is_owed and self._epoch_nanos is not None:
             self._is_owed = False
-            for topic, told, _ in self._bases.still(self._epoch_nanos):
-                self._log(self._told[topic], told)
+            for topic, derived, _ in self._bases.still(self._epoch_nanos):
+                self._log(self._derived[topic], derived)
             for path, message in self._maps.items():
                 self._log(self._channels[path], message)
             stamp_nanos = self._scene_nanos
@@ -139,8 +139,8 @@ class FoxgloveServer(ServerListener):
         if channel.topic in self._latched:
             self._is_owed = True
 
-    def _channel(self, topic: str, message: type[BusMessage], told: str = "") -> Channel:
-        name = ros_type_of(message, told)
+    def _channel(self, topic: str, message: type[BusMessage], relayed_type: str = "") -> Channel:
+        name = ros_type_of(message, relayed_type)
         schema = Schema(name=name, encoding=DEFINITION_ENCODING, data=definition(name).encode())
         return Channel(
             topic, schema=schema, message_encoding=MESSAGE_ENCODING, context=self._context

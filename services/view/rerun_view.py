@@ -114,7 +114,7 @@ class RerunView:
             stamp = self.drawing.epoch_nanos + self.drawing.now_nanos
             self.drawing.log(TEXT, stamp, rr.TextDocument(said, media_type="text/markdown"))
 
-    def tell(self, text: str) -> None:
+    def show_text(self, text: str) -> None:
         """Show a text in the run's panel."""
         document = rr.TextDocument(text, media_type="text/markdown")
         self.drawing.recording.log(TEXT, document, static=True)

@@ -53,7 +53,7 @@ def expected(scenario: Scenario) -> Expected:
     tf = ROS_CODECS[Transforms].ros_type
     for vehicle in scenario.vehicles:
         base = Base(scenario, vehicle, "r")
-        for topic, message, rate_hz in base.places:
+        for topic, message, rate_hz in base.topics:
             rows[topic] = (ROS_CODECS[message].ros_type, None if topic == "/tf" else rate_hz)
         rows[base.description_topic] = (ROS_CODECS[Text].ros_type, None)
     # On /tf are several streams; of the clock a newer message may push out the one before.

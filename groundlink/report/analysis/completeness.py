@@ -46,7 +46,7 @@ class StreamCompleteness:
 
     Parameters
     ----------
-    first_nanos, last_nanos, told_nanos
+    first_nanos, last_nanos, reported_nanos
         Sim times of the recording: first and last message, and the instant up to which all reports
         of sensors are in it.
     """
@@ -60,13 +60,13 @@ class StreamCompleteness:
         *,
         first_nanos: int,
         last_nanos: int,
-        told_nanos: int,
+        reported_nanos: int,
     ) -> None:
         self.sensor, self.output, self.topic = sensor, output, topic
         self._calendar = spec.schedule()
         self._first = max(self._calendar.at_or_after(first_nanos), self._calendar.first)
         end = max(self._calendar.at_or_after(last_nanos + 1), self._first)
-        self._told = self._calendar.at_or_after(told_nanos)
+        self._reported = self._calendar.at_or_after(reported_nanos)
         self._found: NDArray[np.uint8] = np.zeros(end - self._first, np.uint8)
         """State of each reading, as an index into `_KNOWN`."""
 
@@ -88,9 +88,9 @@ class StreamCompleteness:
         if 0 <= reading < len(self._found):
             self._found[reading] = _PUBLISHED
 
-    def add_told(self, told: MissingReadings, epoch_nanos: int) -> None:
+    def add_report(self, report: MissingReadings, epoch_nanos: int) -> None:
         """Add the missing readings that the sensor reported."""
-        for gap in told.gaps:
+        for gap in report.gaps:
             if self.output in gap.outputs:
                 first, last = (
                     self._calendar.at_or_after(nanos - epoch_nanos) - self._first
@@ -114,8 +114,8 @@ class StreamCompleteness:
         """Return all missing spans in order of time."""
         begins = np.flatnonzero(np.diff(self._found, prepend=self._found[:1] + 1))
         # Split at the instant up to which reports are complete.
-        told = self._told - self._first
-        begins = np.union1d(begins, [told] if 0 < told < self.due else [])
+        reported = self._reported - self._first
+        begins = np.union1d(begins, [reported] if 0 < reported < self.due else [])
         ends = np.append(begins[1:], self.due)
         found, dropped = [], self._dropped
         for begin, end in zip(begins.astype(int).tolist(), ends.astype(int).tolist(), strict=True):
@@ -123,7 +123,7 @@ class StreamCompleteness:
             if cause == "published":
                 continue
             if not cause:
-                if begin >= told:
+                if begin >= reported:
                     cause = IN_TRANSIT
                 elif dropped >= end - begin:
                     cause, dropped = RECORDER_BEHIND, dropped - (end - begin)
@@ -140,13 +140,13 @@ def stream_completeness(
     """Return the completeness of all sensor streams, for a recording of this span."""
     time = scenario.time
     # Sensors report with their progress, which may lag by a window.
-    told_nanos = last_nanos - (time.window_ticks + time.ack_ticks) * TICK_NANOS
+    reported_nanos = last_nanos - (time.window_ticks + time.ack_ticks) * TICK_NANOS
     return [
         StreamCompleteness(
             *(f"{vehicle.name}/{sensor.name}", output.name, output.ros_topic, sensor),
             first_nanos=first_nanos - epoch_nanos,
             last_nanos=last_nanos - epoch_nanos,
-            told_nanos=told_nanos - epoch_nanos,
+            reported_nanos=reported_nanos - epoch_nanos,
         )
         for vehicle in scenario.vehicles
         for sensor in vehicle.sensors

@@ -24,13 +24,13 @@ class SensorFaultHistory:
         self.all: list[FaultPeriod] = []
         self._open: list[FaultPeriod] = []
 
-    def add(self, seconds: float, told: Faults) -> None:
+    def add(self, seconds: float, report: Faults) -> None:
         """Add the faults reported at an instant."""
         for failure in self._open:
-            if failure.fault not in told.active:
+            if failure.fault not in report.active:
                 failure.end_seconds = seconds
         known = [failure.fault for failure in self._open]
         self._open = [failure for failure in self._open if failure.end_seconds is None]
-        begun = [FaultPeriod(fault, seconds) for fault in told.active if fault not in known]
+        begun = [FaultPeriod(fault, seconds) for fault in report.active if fault not in known]
         self._open += begun
         self.all += begun

@@ -198,10 +198,10 @@ class _Taking:
 
     def _on_missing_readings(self, sensor: str) -> None:
         def use(seconds: float, array: Any) -> None:
-            told = from_missing_readings(array)
+            report = from_missing_readings(array)
             for stream in self.gathered.completeness:
                 if stream.sensor == sensor:
-                    stream.add_told(told, self.gathered.run.epoch_nanos)
+                    stream.add_report(report, self.gathered.run.epoch_nanos)
 
         self._decode(missing_readings_topic(sensor), use, 1)
 

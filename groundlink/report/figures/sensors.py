@@ -52,20 +52,20 @@ def imu(samples: ImuSamples, truth: Floats, span: Span) -> str:
 
 
 def trajectories(
-    truth: Floats, told: Sequence[tuple[str, Floats]], vehicle: str, span: Span
+    truth: Floats, estimates: Sequence[tuple[str, Floats]], vehicle: str, span: Span
 ) -> str:
     """Return estimated trajectories over the truth, and their errors over time.
 
     Parameters
     ----------
-    told
+    estimates
         topics, each with time, x, y and distance to the truth.
     """
     with style():
         figure = Figure(figsize=(WIDTH_IN, 3.7))
         above, over_time = figure.subplots(1, 2)
         figure.subplots_adjust(left=0.075, right=0.985, bottom=0.14, top=0.86, wspace=0.22)
-        for number, (topic, rows) in enumerate(told):
+        for number, (topic, rows) in enumerate(estimates):
             color = SERIES[number % len(SERIES)]
             marks = "." if len(rows) < MARKED_AT_MOST else ""
             above.plot(rows[:, 1], rows[:, 2], color=color, marker=marks, linewidth=0.9)

@@ -40,9 +40,11 @@ def _vehicle(
     parts: list[Markup] = []
     trajectories = [r for r in readings if isinstance(r, EstimatedTrajectory) and r.rows]
     if trajectories and len(truth):
-        told = [(each.topic, each.beside(truth)) for each in trajectories]
-        drawn = sensor_figures.trajectories(truth, told, motion.vehicle, span)
-        worst = "; ".join(f"{topic} by at most {rows[:, 3].max():.2f} m" for topic, rows in told)
+        estimates = [(each.topic, each.beside(truth)) for each in trajectories]
+        drawn = sensor_figures.trajectories(truth, estimates, motion.vehicle, span)
+        worst = "; ".join(
+            f"{topic} by at most {rows[:, 3].max():.2f} m" for topic, rows in estimates
+        )
         words = [f"Off the truth: {worst}."]
         if any(each.datum is not None for each in trajectories):
             words.insert(0, "A fix is compared with the place of the antenna.")

@@ -82,7 +82,7 @@ class SensorProgress:
         self._reached = dict.fromkeys(self._names, (episode, tick))
 
     def leave_out(self, names: Iterable[str]) -> None:
-        """Stop waiting for sensors until they are heard again."""
+        """Stop waiting for sensors until they respond again."""
         self._left_out |= set(names)
 
     def behind(self, episode: int, tick: int) -> list[str]:
@@ -221,7 +221,7 @@ class Lockstep:
             self._catch_up(*self._status)
         return arrived
 
-    def hear(self, key: str, message: BusMessage) -> None:
+    def handle(self, key: str, message: BusMessage) -> None:
         """Handle a message of the bus."""
         self._is_news = True
         match message:
@@ -230,7 +230,7 @@ class Lockstep:
             case State():
                 self._sensors.reached(PHYSICS, message.episode, message.tick)
             case Clock():
-                self._hear_clock(key, message)
+                self._handle_clock(key, message)
             case _ if self._is_current(message):
                 self._forward(key, message)
             case _:
@@ -261,7 +261,7 @@ class Lockstep:
     def _handle(self, event: LockstepEvent) -> None:
         self._actions[self._machine.take(event)]()
 
-    def _hear_clock(self, key: str, clock: Clock) -> None:
+    def _handle_clock(self, key: str, clock: Clock) -> None:
         known = self._clock
         if clock.episode == known.episode and clock.tick <= known.tick:
             return
@@ -345,7 +345,7 @@ class Lockstep:
         """Return the ranges of messages that were sent to ROS since the last call."""
         left = self._link.sent_counts(self._gateway.peer)
         sent = self._announced.unannounced(
-            {k: n for k, n in left.items() if k in self._gateway.places}
+            {k: n for k, n in left.items() if k in self._gateway.topic_keys}
         )
         self._announced.mark_announced(left)
         return sent
@@ -410,7 +410,7 @@ class Lockstep:
         # Sensors do not repeat acknowledgements that a predecessor of this process got.
         self._sensors.all_reached(state.episode, state.tick)
         clock = Clock(state.stamp_nanos, state.epoch_nanos, state.tick, state.episode)
-        self._hear_clock(self._clock_key, clock)
+        self._handle_clock(self._clock_key, clock)
 
     def _report_wait(self) -> None:
         """Tell the user what the run has been waiting for; skip it where the scenario says so."""

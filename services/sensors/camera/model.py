@@ -37,8 +37,8 @@ class CameraModel(PictureModel):
         """Return the messages of the picture whose exposure begins at an instant."""
         spec, header = self._spec, (stamp_nanos, self._frame)
         pixels = self._eye.read(nanos, tick)
-        told = camera_info(*header, self._eye.pinhole, spec.lens)
-        made: list[BusMessage | StreamMessage] = [StreamMessage("camera_info", told)]
+        info_message = camera_info(*header, self._eye.pinhole, spec.lens)
+        made: list[BusMessage | StreamMessage] = [StreamMessage("camera_info", info_message)]
         if "image" in self._outputs:
             encoded = ENCODINGS[spec.encoding](pixels)
             made.append(StreamMessage("image", image(*header, spec.encoding, encoded)))

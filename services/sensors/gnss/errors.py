@@ -10,9 +10,9 @@ from typing import NamedTuple
 from groundlink.core.clock import Schedule
 from groundlink.core.fields import Vector3
 from groundlink.scenario.sensors import Gnss
+from services.sensors.noise.error_processes import BLOCK_TICKS, ErrorProcesses
 from services.sensors.noise.normal import PolarNormal
 from services.sensors.noise.random_streams import RandomStreams
-from services.sensors.noise.walks import BLOCK_TICKS, ErrorProcesses
 
 
 class FixErrors(NamedTuple):

@@ -110,7 +110,7 @@ class GnssModel:
         self._latency_nanos = int(exact(spec.latency_s) * NANOS)
         self._errors = GnssErrors(spec, RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}"))
         self._reception = Reception(scenario, vehicle, spec)
-        self._told: dict[int, nmea.Epoch] = {}
+        self._sent: dict[int, nmea.Epoch] = {}
         self.restart()
 
     def restart(self) -> None:
@@ -147,9 +147,9 @@ class GnssModel:
         out = []
         while self._waiting and self._waiting[0].due_tick <= state.tick:
             out.append(self._waiting.popleft())
-            self._told[out[-1].fix.stamp_nanos] = out[-1].epoch
-            if len(self._told) > FIXES_REMEMBERED:
-                del self._told[next(iter(self._told))]
+            self._sent[out[-1].fix.stamp_nanos] = out[-1].epoch
+            if len(self._sent) > FIXES_REMEMBERED:
+                del self._sent[next(iter(self._sent))]
         return [one.fix for one in out]
 
     def datagrams(self, fix: NavSatFix, epoch_nanos: int) -> list[Datagram]:
@@ -159,8 +159,8 @@ class GnssModel:
         changed the fix. The other values are those of the solution with this stamp, or of the
         newest.
         """
-        newest = next(reversed(self._told.values()))
-        epoch = self._told.get(fix.stamp_nanos, newest)._replace(stamp_nanos=fix.stamp_nanos)
+        newest = next(reversed(self._sent.values()))
+        epoch = self._sent.get(fix.stamp_nanos, newest)._replace(stamp_nanos=fix.stamp_nanos)
         if fix.status < 0 or not epoch.fixed:
             epoch = nmea.Epoch(fix.stamp_nanos, 0, "N")
         else:

@@ -15,9 +15,9 @@ from groundlink.core.clock import TICK_RATE_HZ, Schedule
 from groundlink.core.fields import Vector3
 from groundlink.scenario.inertial import InertialNoise
 from groundlink.scenario.sensors import InertialUnit
+from services.sensors.noise.error_processes import BLOCK_TICKS, ErrorProcesses
 from services.sensors.noise.normal import NORMALS
 from services.sensors.noise.random_streams import RandomStreams
-from services.sensors.noise.walks import BLOCK_TICKS, ErrorProcesses
 
 from .lowpass import Six
 
@@ -41,7 +41,7 @@ class ImuErrors:
         self._white = _six([t.noise_density * math.sqrt(TICK_RATE_HZ) for t in triads])
         self._constant = _six([t.turn_on_bias for t in triads]) * self._of_the_run("turn_on_bias")
         wandering = _six([t.bias_instability / PEAK_OF_GAUSS_MARKOV for t in triads])
-        self._walks = ErrorProcesses(
+        self._processes = ErrorProcesses(
             streams,
             "bias",
             stddevs=np.concatenate([wandering, _six([t.random_walk for t in triads])]),
@@ -75,7 +75,7 @@ class ImuErrors:
         """Return the additive errors of the 128 ticks from 128 block on, shape (128, 6)."""
         generator = self._streams.at("white", block * BLOCK_TICKS)
         white = self._normals(generator).draw(BLOCK_TICKS * 6).reshape(-1, 6) * self._white
-        bias = self._walks.block(block)
+        bias = self._processes.block(block)
         return white + bias[:, :6] + bias[:, 6:] + self._constant
 
     def turn(self, index: int) -> Vector3:

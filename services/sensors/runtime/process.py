@@ -172,7 +172,7 @@ def follower(
         vehicle=vehicle,
         spec=spec,
         report=publisher(FAULTS.key_in(run_name, process=name), FAULTS.delivery),
-        acknowledge=sensor.tell_progress,
+        acknowledge=sensor.report_progress,
     )
     bus.serve(faults_key(run_name, name), live.answer)
 

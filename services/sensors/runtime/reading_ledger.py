@@ -62,14 +62,14 @@ class ReadingLedger:
         self._outputs = tuple(outputs)
         self._publish = publish
         self.missing: Counter[Cause] = Counter()
-        self._told: deque[MissingReadings] = deque()
+        self._reported: deque[MissingReadings] = deque()
         """Recently published gaps of this episode."""
 
         self._begin()
 
     def _begin(self) -> None:
         """Begin an episode. Its readings are due from tick 0 on, whenever the sensor joined."""
-        self._told.clear()
+        self._reported.clear()
         self._next = dict.fromkeys(self._outputs, self._calendar.first)
         self._pending: dict[str, list[_Missing]] = {output: [] for output in self._outputs}
         self._cause: Cause = "not there"
@@ -91,7 +91,7 @@ class ReadingLedger:
             self._beyond(output, reading)
             self._miss(output, reading + 1, one.cause)
 
-    def tell(
+    def report(
         self, settled_tick: int, *, stamp_nanos: int, epoch_nanos: int, again: bool = False
     ) -> None:
         """Publish the missing readings that were found since the last call, if any.
@@ -124,14 +124,14 @@ class ReadingLedger:
             )
             gaps.append(gap)
             self.missing[cause] += gap.readings
-        told = MissingReadings(stamp_nanos, self._sensor, tuple(gaps))
-        while self._told and stamp_nanos - self._told[0].stamp_nanos > AGAIN_NANOS:
-            self._told.popleft()
-        before = [gap for one in self._told for gap in one.gaps] if again else []
+        report = MissingReadings(stamp_nanos, self._sensor, tuple(gaps))
+        while self._reported and stamp_nanos - self._reported[0].stamp_nanos > AGAIN_NANOS:
+            self._reported.popleft()
+        before = [gap for one in self._reported for gap in one.gaps] if again else []
         if gaps:
-            self._told.append(told)
+            self._reported.append(report)
         if before or gaps:
-            self._publish(replace(told, gaps=(*before, *gaps)))
+            self._publish(replace(report, gaps=(*before, *gaps)))
 
     def memory(self) -> bytes:
         """Return the memory for a successor; all missing readings have been published by now."""
@@ -170,7 +170,7 @@ class NoReadingLedger:
     def left_out(self, one: LeftOut) -> None:
         """Do nothing."""
 
-    def tell(
+    def report(
         self, settled_tick: int, *, stamp_nanos: int, epoch_nanos: int, again: bool = False
     ) -> None:
         """Do nothing."""

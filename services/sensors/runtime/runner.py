@@ -177,16 +177,16 @@ class SensorProcess:
             output, message = stream_and_message(one)
             self._ledger.published(output, measured_nanos(message) - state.epoch_nanos)
         if state.tick % self._ack_ticks == 0:
-            self.tell_progress()
+            self.report_progress()
 
-    def tell_progress(self) -> None:
+    def report_progress(self) -> None:
         """Publish missing readings and acknowledge the last state with the successor's memory."""
         assert self._episode is not None, "no state was taken"
         settled = self._model.settled_tick()
         instant = self.epoch_nanos + self.tick * TICK_NANOS
         link = self._reconnects()
         again, self._told_by = link != self._told_by, link
-        self._ledger.tell(settled, stamp_nanos=instant, epoch_nanos=self.epoch_nanos, again=again)
+        self._ledger.report(settled, stamp_nanos=instant, epoch_nanos=self.epoch_nanos, again=again)
         memory = self._model.memory() if isinstance(self._model, RememberingModel) else b""
         known = _Memory(self._ledger.memory(), memory)
         self.acknowledged_tick = self.tick

@@ -50,8 +50,10 @@ class StereoCameraModel(PictureModel):
             ((LEFT, 0.0), (RIGHT, spec.baseline_m))
         ):
             color = self._eyes.read(nanos, tick, eye=eye)
-            told = camera_info(*header, self._eyes.pinhole, spec.lens, baseline_m=baseline_m)
-            made.append(StreamMessage(info, told))
+            info_message = camera_info(
+                *header, self._eyes.pinhole, spec.lens, baseline_m=baseline_m
+            )
+            made.append(StreamMessage(info, info_message))
             if raw in self._outputs:
                 shown = ENCODINGS[spec.encoding](color)
                 pixels = image(*header, spec.encoding, shown)

@@ -206,7 +206,7 @@ def test_an_obj_takes_no_materials_from_outside(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("size", "problem"), [(2000.0, "is its unit the millimeter? `scale: 0.001`"), (1e-3, "small")]
+    ("size", "problem"), [(2000.0, "Fix: for millimeters, `scale: 0.001`"), (1e-3, "small")]
 )
 def test_sizes_that_look_wrong_are_told(tmp_path: Path, size: float, problem: str) -> None:
     box = trimesh.creation.box((size, size, size)).export(file_type="stl")

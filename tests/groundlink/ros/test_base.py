@@ -52,7 +52,7 @@ def odometry(
 def told(base: Base, rows: Iterable[tuple[str, Odometry]]) -> list[Transform]:
     found = []
     for role, message in rows:
-        for topic, transforms, _ in base.hear(base.keys[role], message):
+        for topic, transforms, _ in base.receive(base.keys[role], message):
             assert topic == "/tf"
             assert isinstance(transforms, Transforms)
             found += transforms.transforms
@@ -61,7 +61,7 @@ def told(base: Base, rows: Iterable[tuple[str, Odometry]]) -> list[Transform]:
 
 def joints(base: Base, ticks: Iterable[int], stamp: int) -> JointState:
     names = ("a",) * len(ticks := tuple(ticks))
-    (row,) = base.hear(base.keys["encoders"], WheelEncoders(stamp, "base_link", names, ticks))
+    (row,) = base.receive(base.keys["encoders"], WheelEncoders(stamp, "base_link", names, ticks))
     assert row.topic == "/joint_states"
     assert isinstance(row.message, JointState)
     return row.message
@@ -93,7 +93,7 @@ def test_all_joints_of_the_description_are_told() -> None:
                 counted = len(base._vehicle.model.counted)
                 topic, message, _ = next(
                     iter(
-                        base.hear(
+                        base.receive(
                             base.keys["encoders"],
                             WheelEncoders(5, "", ("a",) * counted, (0,) * counted),
                         )
@@ -114,7 +114,7 @@ def test_wheels_carry_the_base_through_odom() -> None:
     (moved,) = told(base, [("odometry", late)])
     assert (moved.stamp_nanos, moved.parent, moved.child) == (7, "odom", "base_link")
     assert (moved.translation_m, moved.rotation) == (late.position_m, late.orientation)
-    assert list(base.hear("groundlink/r/robot/ground_truth", late)) == []
+    assert list(base.receive("groundlink/r/robot/ground_truth", late)) == []
 
 
 def test_where_a_filter_tells_it_nothing_is_told() -> None:
@@ -230,7 +230,7 @@ def test_topics_are_nobody_elses() -> None:
         scenario, bases = of(name, map="truth")
         others = {stream.topic for stream in outgoing(scenario, RUN)}
         for base in bases:
-            assert others.isdisjoint(place.topic for place in base.places)
+            assert others.isdisjoint(each.topic for each in base.topics)
 
 
 def test_the_way_from_map_to_odom_needs_odom() -> None:

@@ -26,7 +26,7 @@ def test_it_tells_how_far_it_is_and_counts_clocks_that_the_bus_has_lost() -> Non
     scenario = load(SHIPPED / "indoor_lab.yaml")
     forwarder = Forwarder(scenario, gateway, link, acknowledge=acks.append)
     for episode, tick in ((5, 300), (5, 304), (5, 312), (6, 0), (6, 4)):  # at 100 Hz
-        forwarder.hear("clock", Clock(0, 0, tick, episode))
+        forwarder.handle("clock", Clock(0, 0, tick, episode))
     assert [(ack.episode, ack.tick) for ack in acks][-1] == (6, 4)
     assert forwarder.counts == {"clocks_missed": 1}
 
@@ -53,7 +53,7 @@ def test_of_what_has_pile_up_the_stale_is_dropped_by_stamp_and_counted(
         while len(inbox) or forwarder._pile:
             arrived = forwarder.listen(inbox)
             assert arrived is not None
-            forwarder.hear(*arrived)
+            forwarder.handle(*arrived)
 
     arrives(1)
     hears()

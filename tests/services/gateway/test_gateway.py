@@ -442,7 +442,7 @@ def test_what_is_pushed_goes_to_ros_nodes_without_a_bridge_too(bench: Bench) -> 
     bench.forward("clock", Clock(10**9, 0, 400, 0))
     (sent,) = bench.link.sent
     assert native == [((sent["msg_type"], "/clock"), sent["stamp"], sent["body"])]
-    bench.gateway.hear_native()
+    bench.gateway.receive_native()
     ((key, command),) = bench.commands
     assert key.endswith("/command")
     assert isinstance(command, Command)

@@ -88,10 +88,10 @@ def test_an_episode_that_is_done_again_moves_its_joints_again(outdoors: Scenario
 def test_joint_states_tell_where_joints_are(outdoors: Scenario) -> None:
     bases = Bases(outdoors, "run")
     said = command(10**18, turret=0.25)
-    (told,) = bases.hear(JOINTS.key_in("run", vehicle="tank"), said)
+    (told,) = bases.receive(JOINTS.key_in("run", vehicle="tank"), said)
     assert (told.topic, told.message) == ("/joint_states", said)
-    (place,) = (p for p in bases.places if p.topic == "/joint_states")
-    assert place.declared_hz == outdoors.vehicles[0].ground_truth.rate_hz
+    (joint_topic,) = (p for p in bases.topics if p.topic == "/joint_states")
+    assert joint_topic.declared_hz == outdoors.vehicles[0].ground_truth.rate_hz
 
 
 def test_rays_and_pictures_see_the_joint_where_it_is(outdoors: Scenario) -> None:
@@ -114,7 +114,7 @@ def test_rays_and_pictures_see_the_joint_where_it_is(outdoors: Scenario) -> None
         )
     )
     names = tank.model.link_names()
-    place = names.index("turret_link")
-    assert {solid.name for solid in around.links[place]} >= {"turret_wall", "antenna"}
-    assert around.motion(0, 0)[0, place, 5] == pytest.approx(np.sin(0.1), abs=1e-3)
+    joint_topic = names.index("turret_link")
+    assert {solid.name for solid in around.links[joint_topic]} >= {"turret_wall", "antenna"}
+    assert around.motion(0, 0)[0, joint_topic, 5] == pytest.approx(np.sin(0.1), abs=1e-3)
     assert floats(vehicle.servo_positions).tolist() == pytest.approx([0.2, 0.0])

@@ -220,7 +220,7 @@ class Fed:
 
     def check(self) -> None:
         """Each reading that is due, up to the last that came, came or was told, not both."""
-        self.process.tell_progress()
+        self.process.report_progress()
         over = self.due.at_or_after(self.model.settled_tick() * TICK_NANOS)
         for output, came in self.came.items():
             missing = self.missing[output]

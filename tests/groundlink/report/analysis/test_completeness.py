@@ -25,14 +25,14 @@ SONAR = RangeFinder(
 
 
 def completeness(
-    *published: int, first: int = 0, last: int = 99, told: int = 90
+    *published: int, first: int = 0, last: int = 99, reported: int = 90
 ) -> StreamCompleteness:
     """Return one of a recording from one reading to another, with these in it."""
     made = StreamCompleteness(
         *("rover/sonar", "", "/sonar", SONAR),
         first_nanos=first * PERIOD,
         last_nanos=last * PERIOD,
-        told_nanos=told * PERIOD,
+        reported_nanos=reported * PERIOD,
     )
     for reading in published:
         made.add(reading * PERIOD)
@@ -65,8 +65,8 @@ def test_of_a_whole_recording_nothing_is_missing() -> None:
 
 def test_each_gap_has_its_cause_wherever_it_is() -> None:
     made = completeness(*range(10, 40), *range(43, 99))
-    made.add_told(gaps(("not there", 0, 9), ("overloaded", 40, 41)), EPOCH)
-    made.add_told(gaps(("states lost", 42, 42)), EPOCH)
+    made.add_report(gaps(("not there", 0, 9), ("overloaded", 40, 41)), EPOCH)
+    made.add_report(gaps(("states lost", 42, 42)), EPOCH)
     assert holes(made) == [
         ("not there", 0, 9, 10),
         ("overloaded", 40, 41, 2),
@@ -88,11 +88,11 @@ def test_what_nobody_told_is_seen() -> None:
 def test_what_is_in_the_file_was_published_whatever_was_told() -> None:
     """A successor counts from its predecessor's last word, after which more may have gone out."""
     made = completeness(*range(50), *range(60, 100))
-    made.add_told(gaps(("restarted", 45, 59)), EPOCH)
-    made.add_told(gaps(("overloaded", 45, 59)), EPOCH)
+    made.add_report(gaps(("restarted", 45, 59)), EPOCH)
+    made.add_report(gaps(("overloaded", 45, 59)), EPOCH)
     assert holes(made) == [("restarted", 50, 59, 10)]
     late = completeness(*range(60, 100))
-    late.add_told(gaps(("restarted", 0, 59)), EPOCH)
+    late.add_report(gaps(("restarted", 0, 59)), EPOCH)
     for reading in range(10):
         late.add(reading * PERIOD)
     assert holes(late) == [("restarted", 10, 59, 50)]
@@ -100,7 +100,7 @@ def test_what_is_in_the_file_was_published_whatever_was_told() -> None:
 
 def test_other_streams_of_the_sensor_have_gaps_of_their_own() -> None:
     made = completeness(*range(5), *range(6, 100))
-    made.add_told(gaps(("off", 5, 5), outputs=("truth",)), EPOCH)
+    made.add_report(gaps(("off", 5, 5), outputs=("truth",)), EPOCH)
     assert holes(made) == [(UNEXPLAINED, 5, 5, 1)]
 
 
@@ -112,7 +112,7 @@ def test_what_the_recorder_could_not_take_is_its_own_fault(dropped: int, cause: 
 
 
 def test_a_recording_of_a_part_has_the_sums_of_this_part() -> None:
-    made = completeness(*range(45, 60), first=40, last=59, told=59)
-    made.add_told(gaps(("overloaded", 30, 44)), EPOCH)
+    made = completeness(*range(45, 60), first=40, last=59, reported=59)
+    made.add_report(gaps(("overloaded", 30, 44)), EPOCH)
     assert (made.due, made.published) == (20, 15)
     assert holes(made) == [("overloaded", 40, 44, 5)]

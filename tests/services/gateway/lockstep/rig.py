@@ -97,7 +97,7 @@ class Rig:
     def turn(self, seconds: float = 0.0) -> None:
         self.now += seconds
         if arrived := self.lockstep.listen(self.inbox):
-            self.lockstep.hear(*arrived)
+            self.lockstep.handle(*arrived)
         self.lockstep.turn(self.now)
 
     def hear(self, key: str, message: BusMessage) -> None:

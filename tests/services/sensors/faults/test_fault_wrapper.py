@@ -124,7 +124,7 @@ def line_of(
             process.resume(line.acks[-1])
             for missed in STATES[: state.tick + 1]:
                 process.take(missed)
-    process.tell_progress()
+    process.report_progress()
     return line
 
 

@@ -28,7 +28,7 @@ class Bench:
             vehicle=scenario().vehicles[0],
             spec=sensors.InertialUnit(name="imu", topic="/imu", frame="imu", rate_hz=100.0),
             report=self.told.append,
-            acknowledge=process.tell_progress,
+            acknowledge=process.report_progress,
         )
 
     def take(self, *ticks: int) -> None:

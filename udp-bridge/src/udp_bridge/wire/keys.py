@@ -101,7 +101,7 @@ class RefusalHints:
     """Log lines about refused datagrams that a user can fix; one line for each reason."""
 
     def __init__(self) -> None:
-        self._told: Dict[str, str] = {}
+        self._reported: Dict[str, str] = {}
 
     def new(self, refused: Mapping[str, int]) -> List[str]:
         """Return lines for the reasons that were not reported before."""
@@ -113,7 +113,7 @@ class RefusalHints:
         lines = [
             f"refuses datagrams as {why}: {text}"
             for why, text in found.items()
-            if why not in self._told
+            if why not in self._reported
         ]
-        self._told.update(found)
+        self._reported.update(found)
         return lines

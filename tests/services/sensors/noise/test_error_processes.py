@@ -4,8 +4,8 @@ import math
 import numpy as np
 import pytest
 
+from services.sensors.noise.error_processes import BLOCK_TICKS, BLOCKS_PER_DRAW, ErrorProcesses
 from services.sensors.noise.random_streams import RandomStreams
-from services.sensors.noise.walks import BLOCK_TICKS, BLOCKS_PER_DRAW, ErrorProcesses
 from tests.services.sensors.allan import Floats, allan_deviation
 
 TICK_S = 0.0025
