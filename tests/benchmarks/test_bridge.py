@@ -28,7 +28,6 @@ from benchmarks.bridge.latency import QUICK_SIZES
 from benchmarks.bridge.lossy import lossy_socket
 from benchmarks.bridge.processes import CAP_NET_ADMIN
 from benchmarks.bridge.transports import IMAGE_HEAD_BYTES, image_cdr
-from benchmarks.claims import Claim
 
 ROOT = Path(__file__).resolve().parents[2]
 TRANSPORTS = {"UDP Bridge", "from the bus", "C program", "TCP", "ROS# way"}
@@ -109,20 +108,6 @@ def test_every_claim_is_judged_and_the_figure_drawn(
     verdicts = [line for line in printed.splitlines() if "claimed at" in line]
     assert len(verdicts) == len(QUICK_SIZES) + 2 + 3 + 3 + 3
     assert figure.startswith(b"\x89PNG")
-
-
-@pytest.mark.parametrize(
-    ("claim", "holds"),
-    [
-        (Claim("", 2.0, 2.0), True),
-        (Claim("", 1.9, 2.0), False),
-        (Claim("", 2.0, 2.0, is_at_least=False), True),
-        (Claim("", 2.1, 2.0, is_at_least=False), False),
-    ],
-)
-def test_a_claim_is_judged_by_its_limit(claim: Claim, holds: bool) -> None:
-    assert claim.holds is holds
-    assert ("NOT" in str(claim)) is not holds
 
 
 def test_the_filter_loses_its_share() -> None:

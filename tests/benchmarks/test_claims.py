@@ -19,6 +19,7 @@ def test_a_claim_holds_up_to_its_limit(
 ) -> None:
     claim = Claim("a", value, 2.0, is_at_least)
     assert claim.holds is holds
+    assert ("NOT" in str(claim)) is not holds
     parser = argparse.ArgumentParser()
     add_options(parser)
     file = tmp_path / "claims.json"

@@ -263,7 +263,7 @@ def simulation(mode: Mode | None, loss: Loss, loss_back: Loss, delay: int = 10 *
 def test_9990_of_10000_arrive_in_time_over_20_ms(kind: str) -> None:
     """Of 400 messages none may be missing, which is likely at no more than 0.1 %.
 
-    `python -m benchmarks.repair` counts many more.
+    `python -m benchmarks.loss --promised` counts many more.
     """
 
     def make(seed: int) -> Loss:
