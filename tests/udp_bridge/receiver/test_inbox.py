@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 from typing import Any
 
+import pytest
+
 from udp_bridge import Header, Message, fragments, parse
+from udp_bridge.receiver.delivery_reports import Answer
 from udp_bridge.receiver.inbox import Inbox
 from udp_bridge.wire import control
 from udp_bridge.wire.control import Credit, CreditRequest, LinkReport, TopicReport
@@ -27,13 +30,12 @@ class Bench:
     ) -> list[tuple[int, Credit]]:
         """Take all datagrams of a message; return the index after which a credit went out."""
         credits = []
-        for index, (head, part) in enumerate(fragments(message, size)):
-            datagram = memoryview(head + bytes(part))
+        for index, datagram in enumerate(cut(message, size)):
             _, answer = self.inbox.receive(datagram, sender, now)
             if answer is None:
                 continue
-            header, offset = parse(answer[0])
-            credit = control.parse(answer[0][offset:])
+            header, _ = parse(answer[0])
+            credit = body_of(answer)
             assert answer[1] == sender
             assert isinstance(credit, Credit)
             assert (header.msg_type, header.topic, header.link) == (64, message.topic, "")
@@ -42,46 +44,57 @@ class Bench:
         return credits
 
 
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
 def cloud(size: int, seq_number: int = 4) -> Message:
     return Message(1, "/points", "lidar", 123, seq_number, bytes(size))
 
 
-def test_single_part_messages_get_no_credit() -> None:
-    assert Bench().receive(cloud(100)) == []
+def cut(message: Message, size: int = 1472) -> list[memoryview]:
+    return [memoryview(head + bytes(part)) for head, part in fragments(message, size)]
 
 
-def test_a_request_for_a_credit_is_answered_and_not_delivered() -> None:
-    bench = Bench()
+def body_of(answer: Answer | None) -> control.Control:
+    assert answer is not None
+    return control.parse(answer[0][parse(answer[0])[1] :])
+
+
+def test_single_part_messages_get_no_credit(bench: Bench) -> None:
+    assert bench.receive(cloud(100)) == []
+
+
+def test_a_request_for_a_credit_is_answered_and_not_delivered(bench: Bench) -> None:
     head = Header(64, 17, 0, 1, 0, 0).pack()
     request = memoryview(head + CreditRequest().pack())
     message, answer = bench.inbox.receive(request, OTHER, 0)
     assert message is None
+    assert body_of(answer) == Credit(64, 0, 17, 212_992)
     assert answer is not None
     assert answer[1] == OTHER
-    header, offset = parse(answer[0])
+    header, _ = parse(answer[0])
     assert (header.msg_type, header.topic, header.stamp_nanos) == (64, "", 0)
-    assert control.parse(answer[0][offset:]) == Credit(64, 0, 17, 212_992)
 
 
-def test_a_finished_message_gets_a_credit_for_its_last_datagram() -> None:
-    assert Bench().receive(cloud(5 * 1400)) == [(4, Credit(1, 4, 4, 212_992))]
+def test_a_finished_message_gets_a_credit_for_its_last_datagram(bench: Bench) -> None:
+    assert bench.receive(cloud(5 * 1400)) == [(4, Credit(1, 4, 4, 212_992))]
 
 
-def test_a_credit_goes_out_when_an_eighth_of_the_buffer_was_taken() -> None:
-    credits = Bench().receive(cloud(1432 * 100))
+def test_a_credit_goes_out_when_an_eighth_of_the_buffer_was_taken(bench: Bench) -> None:
+    credits = bench.receive(cloud(1432 * 100))
     # 26,624 bytes are an eighth; the 19th datagram of 1472 is the first beyond.
     assert [index for index, _ in credits] == [18, 37, 56, 75, 94, 99]
     assert [credit.part_number for _, credit in credits] == [18, 37, 56, 75, 94, 99]
 
 
-def test_credit_is_counted_by_sender() -> None:
-    bench = Bench()
-    datagrams = [head + bytes(part) for head, part in fragments(cloud(1432 * 100), 1472)]
-    answers = []
-    for datagram in datagrams[:30]:
-        for sender in (SENDER, OTHER):
-            _, answer = bench.inbox.receive(memoryview(datagram), sender, 0)
-            answers.append(answer)
+def test_credit_is_counted_by_sender(bench: Bench) -> None:
+    answers = [
+        bench.inbox.receive(datagram, sender, 0)[1]
+        for datagram in cut(cloud(1432 * 100))[:30]
+        for sender in (SENDER, OTHER)
+    ]
     assert [index for index, answer in enumerate(answers) if answer] == [36, 37]
 
 
@@ -91,45 +104,36 @@ def test_a_duplicate_took_buffer_too_and_is_acknowledged() -> None:
     assert len(bench.receive(cloud(5000))) == 4
 
 
-def test_a_late_message_that_becomes_whole_amid_its_parts_is_acknowledged() -> None:
-    bench = Bench()
-    first, *rest = [head + bytes(part) for head, part in fragments(cloud(5000), 1472)]
-    ahead = [head + bytes(part) for head, part in fragments(cloud(5000, 5), 1472)]
-    for datagram in (*rest, *ahead):
-        bench.inbox.receive(memoryview(datagram), SENDER, 0)
-    message, answer = bench.inbox.receive(memoryview(first), SENDER, 0)
+def test_a_late_message_that_becomes_whole_amid_its_parts_is_acknowledged(bench: Bench) -> None:
+    first, *rest = cut(cloud(5000))
+    for datagram in (*rest, *cut(cloud(5000, 5))):
+        bench.inbox.receive(datagram, SENDER, 0)
+    message, answer = bench.inbox.receive(first, SENDER, 0)
     assert message is None
-    assert answer is not None
-    assert control.parse(answer[0][parse(answer[0])[1] :]) == Credit(1, 0, 4, 212_992)
+    assert body_of(answer) == Credit(1, 0, 4, 212_992)
 
 
-def test_the_end_of_an_incomplete_message_is_acknowledged() -> None:
-    bench = Bench()
-    last = [head + bytes(part) for head, part in fragments(cloud(5000), 1472)][-1]
-    _, answer = bench.inbox.receive(memoryview(last), SENDER, 0)
-    assert answer is not None
+def test_the_end_of_an_incomplete_message_is_acknowledged(bench: Bench) -> None:
+    assert bench.inbox.receive(cut(cloud(5000))[-1], SENDER, 0)[1] is not None
 
 
-def test_a_received_credit_is_not_delivered() -> None:
-    bench = Bench()
+def test_a_received_credit_is_not_delivered(bench: Bench) -> None:
     body = Credit(1, 26, 41, 8 << 20).pack()
     message = Message(64, "/points", "", 123, 0, body)
     assert bench.receive(message) == []
     assert bench.credits_taken == [(SENDER, DatagramKey(1, "/points", 41, 26), 8 << 20)]
 
 
-def test_received_reports_are_delivered() -> None:
-    bench = Bench()
-    body = LinkReport(1, 2, 3, 4, 5).pack()
-    ((head, part),) = fragments(Message(64, "", "", 123, 0, body))
-    message, answer = bench.inbox.receive(memoryview(head + bytes(part)), SENDER, 0)
+def test_received_reports_are_delivered(bench: Bench) -> None:
+    report = LinkReport(1, 2, 3, 4, 5)
+    (datagram,) = cut(Message(64, "", "", 123, 0, report.pack()))
+    message, answer = bench.inbox.receive(datagram, SENDER, 0)
     assert answer is None
     assert message is not None
-    assert control.parse(message.body) == LinkReport(1, 2, 3, 4, 5)
+    assert control.parse(message.body) == report
 
 
-def test_refused_datagrams_are_counted_and_get_no_answer() -> None:
-    bench = Bench()
+def test_refused_datagrams_are_counted_and_get_no_answer(bench: Bench) -> None:
     for datagram in (b"", b"garbage", bytes(100)):
         assert bench.inbox.receive(memoryview(datagram), SENDER, 0) == (None, None)
     assert sum(bench.inbox.reassembler.counters.refused.values()) == 3
@@ -147,8 +151,7 @@ def reported(bench: Bench, now: int) -> dict[tuple[str, int], list[tuple[str, st
     return rows
 
 
-def test_each_sender_gets_reports_of_what_it_sent() -> None:
-    bench = Bench()
+def test_each_sender_gets_reports_of_what_it_sent(bench: Bench) -> None:
     bench.receive(cloud(5000, 4))
     bench.receive(cloud(5000, 6)._replace(stamp_nanos=223))
     bench.receive(Message(2, "/imu", "imu", 7, 0, b"x"), sender=OTHER)
@@ -173,12 +176,11 @@ def test_each_sender_gets_reports_of_what_it_sent() -> None:
     assert bench.inbox.datagrams == 4 + 4 + 1 + 1
 
 
-def test_what_was_published_is_reported() -> None:
-    bench = Bench()
+def test_what_was_published_is_reported(bench: Bench) -> None:
     messages = []
     for number in range(3):
-        ((head, part),) = fragments(Message(2, "/imu", "imu", 7 + number, number, b"x"))
-        message, _ = bench.inbox.receive(memoryview(head + bytes(part)), SENDER, 0)
+        (datagram,) = cut(Message(2, "/imu", "imu", 7 + number, number, b"x"))
+        message, _ = bench.inbox.receive(datagram, SENDER, 0)
         assert message is not None
         messages.append(message)
     bench.inbox.mark_published(messages[0], SENDER, WALL)
@@ -190,16 +192,14 @@ def test_what_was_published_is_reported() -> None:
     assert report.age_p50_nanos == WALL - 7
 
 
-def test_a_sender_that_was_silent_for_5_s_gets_no_reports() -> None:
-    bench = Bench()
+def test_a_sender_that_was_silent_for_5_s_gets_no_reports(bench: Bench) -> None:
     bench.receive(cloud(10), now=0)
     bench.receive(cloud(10), now=3 * SECOND, sender=OTHER)
     assert list(reported(bench, 5 * SECOND)) == [SENDER, OTHER]
     assert list(reported(bench, 5 * SECOND + 1)) == [OTHER]
 
 
-def test_peers_are_bounded() -> None:
-    bench = Bench()
+def test_peers_are_bounded(bench: Bench) -> None:
     for port in range(70):
         bench.receive(cloud(10), sender=("192.0.2.9", port))
         bench.receive(cloud(10, port), sender=SENDER)
@@ -210,9 +210,8 @@ def test_peers_are_bounded() -> None:
     assert ("192.0.2.9", 0) not in told
 
 
-def test_control_bodies_are_refused_before_they_are_acted_on() -> None:
-    bench = Bench()
-    ((head, _),) = fragments(Message(64, "/points", "", 123, 0, b""))
-    bench.inbox.receive(memoryview(head + b"\0\0"), SENDER, 0)
+def test_control_bodies_are_refused_before_they_are_acted_on(bench: Bench) -> None:
+    (datagram,) = cut(Message(64, "/points", "", 123, 0, b"\0\0"))
+    bench.inbox.receive(datagram, SENDER, 0)
     assert bench.inbox.reassembler.counters.refused == {"body_size": 1}
     assert bench.credits_taken == []

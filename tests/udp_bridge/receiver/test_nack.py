@@ -134,11 +134,16 @@ def test_repetitions_come_more_slowly_and_in_more_copies(bench: Bench) -> None:
     assert copies == [1, 2, 2, 3, 3]
 
 
-def test_waiting_follows_the_round_trip(bench: Bench) -> None:
+def measured(bench: Bench, nanos: int) -> None:
+    """Let a round trip take this long."""
     bench.receive(0, *range(7), seq=100)
     bench.offer(0, 100)
     assert bench.due(0) == [(100, (7,))]
-    bench.receive(4 * MS, 7, seq=100)
+    bench.receive(nanos, 7, seq=100)
+
+
+def test_waiting_follows_the_round_trip(bench: Bench) -> None:
+    measured(bench, 4 * MS)
     bench.receive(10 * MS, *range(7), seq=101)
     bench.offer(10 * MS, 101)
     assert bench.due(10 * MS) == [(101, (7,))]
@@ -147,21 +152,10 @@ def test_waiting_follows_the_round_trip(bench: Bench) -> None:
 
 
 def test_on_a_short_path_a_gap_is_requested_sooner(bench: Bench) -> None:
-    bench.receive(0, *range(7), seq=100)
-    bench.offer(0, 100)
-    assert bench.due(0) == [(100, (7,))]
-    bench.receive(MS // 5, 7, seq=100)  # a round trip of 0.2 ms
+    measured(bench, MS // 5)
     bench.receive(MS, 0, 2, seq=101)
     assert bench.due(MS + MS // 20 - 1) == []
     assert bench.due(MS + MS // 20) == [(101, (1,))]
-
-
-def measured(bench: Bench, nanos: int) -> None:
-    """Let a round trip take this long."""
-    bench.receive(0, *range(7), seq=100)
-    bench.offer(0, 100)
-    assert bench.due(0) == [(100, (7,))]
-    bench.receive(nanos, 7, seq=100)
 
 
 def test_parts_lost_again_are_detected_by_later_ones(bench: Bench) -> None:
@@ -302,12 +296,18 @@ def test_without_repair_messages_are_lost() -> None:
     assert len(sim.delivered) <= 3  # 0.9**64 is 0.1 %
 
 
-@pytest.mark.parametrize("stamp", [1, 10])  # topics such as /tf mix their stamps
-def test_a_repaired_message_behind_a_newer_one_is_delivered(stamp: int) -> None:
-    lost = iter([False, False, True])  # the first message, its offer, the second message
-    sim = Simulation(
+def losing(*is_lost: bool) -> Simulation:
+    """Return a simulation that loses the first datagrams as told, and none later."""
+    lost = iter(is_lost)
+    return Simulation(
         repair={(2, "/p"): Resend(500 * MS)}, loss=lambda _: next(lost, False), delay=10 * MS
     )
+
+
+@pytest.mark.parametrize("stamp", [1, 10])  # topics such as /tf mix their stamps
+def test_a_repaired_message_behind_a_newer_one_is_delivered(stamp: int) -> None:
+    # Of the first message, its offer and the second message, the last is lost.
+    sim = losing(False, False, True)
     for index in range(4):
         stamps = (0, stamp, 2, 3)
         sim.send(index * 4 * MS, Message(2, "/p", "", stamps[index], 0, bytes([index])))
@@ -319,10 +319,7 @@ def test_a_repaired_message_behind_a_newer_one_is_delivered(stamp: int) -> None:
 
 
 def test_the_end_of_a_topic_that_falls_silent_is_repaired() -> None:
-    lost = iter([False, False, True, True, True])
-    sim = Simulation(
-        repair={(2, "/p"): Resend(500 * MS)}, loss=lambda _: next(lost, False), delay=10 * MS
-    )
+    sim = losing(False, False, True, True, True)
     for index in range(2):
         sim.send(index * 4 * MS, Message(2, "/p", "", index, 0, b"goal"))
     sim.run(SECOND)

@@ -2,8 +2,10 @@
 """Batches of parts give the same messages, counts and memory as single datagrams."""
 
 import random
+from collections.abc import Callable
 from typing import Any
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,6 +18,8 @@ from udp_bridge.wire.repair import Offer
 
 SENDERS = (("192.0.2.7", 5000), ("192.0.2.8", 5000))
 Datagram = tuple[bytes, tuple[str, int]]
+Received = tuple[Message | None, Any, Any]
+"""A message, if one is complete, the answer to its sender, and the sender."""
 
 
 class Kernel:
@@ -61,9 +65,11 @@ class Kernel:
         return PartBatch(head, tuple(ranges), last_size, 0, uncredited, raw, sender)
 
 
-def outcome(inbox: Inbox, messages: list[Any]) -> dict[str, Any]:
+def outcome(take: Callable[..., list[Received]], *arguments: Any) -> dict[str, Any]:
+    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+    received = take(inbox, *arguments)
     return {
-        "messages": [(m.topic, m.seq_number, bytes(m.body), who) for m, who in messages],
+        "messages": [(m.topic, m.seq_number, bytes(m.body), who) for m, _, who in received if m],
         "counters": inbox.reassembler.counters.as_dict(),
         "datagrams": inbox.datagrams,
         "bytes": inbox.bytes_received,
@@ -71,29 +77,43 @@ def outcome(inbox: Inbox, messages: list[Any]) -> dict[str, Any]:
     }
 
 
-def by_itself(datagrams: list[Datagram]) -> dict[str, Any]:
-    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
-    messages = []
-    for now, (raw, sender) in enumerate(datagrams):
-        message, _ = inbox.receive(memoryview(raw), sender, now)
-        if message is not None:
-            messages.append((message, sender))
-    return outcome(inbox, messages)
+def one_by_one(inbox: Inbox, datagrams: list[Datagram]) -> list[Received]:
+    return [
+        (*inbox.receive(memoryview(raw), sender, now), sender)
+        for now, (raw, sender) in enumerate(datagrams)
+    ]
 
 
-def batched(datagrams: list[Datagram], rng: random.Random) -> tuple[dict[str, Any], int]:
-    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+def receive_batches(
+    inbox: Inbox, datagrams: list[Datagram], now: int = 0, rng: random.Random | None = None
+) -> list[Received]:
+    """Receive in batches, of random lengths if there is a generator."""
     kernel = Kernel(datagrams)
-    messages: list[Any] = []
-    batches = 0
+    received: list[Received] = []
     while kernel.left:
-        now = len(datagrams) - len(kernel.left)
         slots, credits = inbox.predict_slots()
-        batch = kernel.receive(slots, credits, rng.randint(1, 20))
-        received = inbox.receive_batch(slots, batch, now)
-        batches += batch.parts_count > 1
-        messages += [(message, sender) for message, _, sender in received if message is not None]
-    return outcome(inbox, messages), batches
+        batch = kernel.receive(slots, credits, rng.randint(1, 20) if rng else 255)
+        received += inbox.receive_batch(slots, batch, now)
+    return received
+
+
+def numbers(received: list[Received]) -> list[int]:
+    return [message.seq_number for message, _, _ in received if message is not None]
+
+
+def cut(seq: int, size: int = 5000, topic: str = "/points") -> list[Datagram]:
+    message = Message(1, topic, "lidar", 10**9 + seq, seq, random.Random(seq).randbytes(size))
+    return [(head + bytes(part), SENDERS[0]) for head, part in fragments(message, 300)]
+
+
+def offer_of(datagrams: list[Datagram]) -> list[Datagram]:
+    offer = Message(65, "/points", "", 10**9, 0, Offer(1, len(datagrams), 500).pack())
+    return [(head + bytes(part), SENDERS[0]) for head, part in fragments(offer)]
+
+
+@pytest.fixture
+def inbox() -> Inbox:
+    return Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
 
 
 def disorder(seed: int, chaos: float) -> list[Datagram]:
@@ -122,68 +142,33 @@ def disorder(seed: int, chaos: float) -> list[Datagram]:
 @given(st.integers(0, 2**32), st.sampled_from([0.0, 0.1, 0.4, 1.0]))
 def test_batches_give_what_single_datagrams_give(seed: int, chaos: float) -> None:
     datagrams = disorder(seed, chaos)
-    found, _ = batched(datagrams, random.Random(seed))
-    assert found == by_itself(datagrams)
+    batched = outcome(receive_batches, datagrams, 0, random.Random(seed))
+    assert batched == outcome(one_by_one, datagrams)
 
 
-def test_in_order_a_message_is_one_batch() -> None:
-    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+def test_in_order_a_message_is_one_batch(inbox: Inbox) -> None:
     for seq in range(3):
-        body = random.Random(seq).randbytes(9000)
-        message = Message(1, "/points", "lidar", 10**9 + seq, seq, body)
-        kernel = Kernel([(h + bytes(part), SENDERS[0]) for h, part in fragments(message, 300)])
-        messages = []
-        turns = 0
-        while kernel.left:
-            slots, credits = inbox.predict_slots()
-            batch = kernel.receive(slots, credits, 255)
-            messages += [
-                one for one, _, _ in inbox.receive_batch(slots, batch, 0) if one is not None
-            ]
-            turns += 1
-        assert [bytes(one.body) for one in messages] == [body]
-        assert turns == (2 if seq == 0 else 1)  # of the first one the first part is unexpected
+        received = receive_batches(inbox, cut(seq, 9000))
+        bodies = [bytes(message.body) for message, _, _ in received if message is not None]
+        assert bodies == [random.Random(seq).randbytes(9000)]
+        assert len(received) == (2 if seq == 0 else 1)  # of the first one the first part is alone
 
 
-def test_a_delivered_message_is_never_overwritten() -> None:
-    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
-    kept = []
-    for seq in range(20):
-        body = random.Random(seq).randbytes(5000)
-        message = Message(1, "/points", "lidar", 10**9 + seq, seq, body)
-        kernel = Kernel([(h + bytes(part), SENDERS[0]) for h, part in fragments(message, 300)])
-        while kernel.left:
-            slots, credits = inbox.predict_slots()
-            batch = kernel.receive(slots, credits, 255)
-            kept += [(m, seq) for m, _, _ in inbox.receive_batch(slots, batch, 0) if m is not None]
+def test_a_delivered_message_is_never_overwritten(inbox: Inbox) -> None:
+    received = [row for seq in range(20) for row in receive_batches(inbox, cut(seq))]
+    kept = [message for message, _, _ in received if message is not None]
     assert len(kept) == 20
-    for received, seq in kept:
-        assert received.body == random.Random(seq).randbytes(5000)
+    for message in kept:
+        assert message.body == random.Random(message.seq_number).randbytes(5000)
 
 
-def receive_batches(inbox: Inbox, datagrams: list[Datagram], now: int = 0) -> list[Any]:
-    kernel = Kernel(datagrams)
-    received: list[Any] = []
-    while kernel.left:
-        slots, credits = inbox.predict_slots()
-        received += inbox.receive_batch(slots, kernel.receive(slots, credits, 255), now)
-    return received
-
-
-def cut(seq: int, size: int = 5000, topic: str = "/points") -> list[Datagram]:
-    message = Message(1, topic, "lidar", 10**9 + seq, seq, random.Random(seq).randbytes(size))
-    return [(head + bytes(part), SENDERS[0]) for head, part in fragments(message, 300)]
-
-
-def test_parts_of_a_message_that_was_given_up_are_duplicates() -> None:
-    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+def test_parts_of_a_message_that_was_given_up_are_duplicates(inbox: Inbox) -> None:
     receive_batches(inbox, cut(0)[:5])
     inbox.reassembler.expire(3 * 10**9)
     assert inbox.reassembler.counters.incomplete == 1
     receive_batches(inbox, cut(0)[5:], 3 * 10**9)
     assert inbox.reassembler.counters.duplicates == len(cut(0)) - 5
-    messages = [one for one, _, _ in receive_batches(inbox, cut(1), 3 * 10**9) if one is not None]
-    assert [message.seq_number for message in messages] == [1]
+    assert numbers(receive_batches(inbox, cut(1), 3 * 10**9)) == [1]
 
 
 def test_a_message_that_announces_too_much_is_given_up_in_a_batch_too() -> None:
@@ -198,13 +183,7 @@ def test_a_message_that_announces_too_much_is_given_up_in_a_batch_too() -> None:
     assert outcomes[0][0]["duplicates"] > 10
 
 
-def one_by_one(inbox: Inbox, datagrams: list[Datagram]) -> None:
-    for raw, sender in datagrams:
-        inbox.receive(memoryview(raw), sender, 0)
-
-
-def test_credits_that_the_socket_sent_are_not_sent_again() -> None:
-    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+def test_credits_that_the_socket_sent_are_not_sent_again(inbox: Inbox) -> None:
     receive_batches(inbox, cut(0))
     slots, credits = inbox.predict_slots()
     batch = Kernel(cut(1)).receive(slots, credits, 255)
@@ -216,30 +195,27 @@ def test_credits_that_the_socket_sent_are_not_sent_again() -> None:
     assert inbox.predict_slots()[1] == CreditState(0, 1 << 16, credits.seq_number + 2)
 
 
-def test_a_batch_ends_when_a_request_is_due() -> None:
-    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+def test_a_batch_ends_when_a_request_is_due(inbox: Inbox) -> None:
     receive_batches(inbox, cut(0)[:3])
     assert inbox.predict_slots()[0].nack_due_nanos == 0
-    offer = Message(65, "/points", "", 10**9, 0, Offer(1, len(cut(0)), 500).pack())
-    receive_batches(inbox, [(head + bytes(part), SENDERS[0]) for head, part in fragments(offer)])
+    receive_batches(inbox, offer_of(cut(0)))
     inbox.requests(0)
     receive_batches(inbox, cut(0)[4:6])
     assert inbox.predict_slots()[0].nack_due_nanos > 0
 
 
-def offered_inbox() -> Inbox:
-    """Return an inbox with an offered topic of which nothing is missing."""
-    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+@pytest.fixture
+def offered(inbox: Inbox) -> None:
+    """The inbox has an offered topic of which nothing is missing."""
     receive_batches(inbox, cut(0))
-    offer = Message(65, "/points", "", 10**9, 0, Offer(1, len(cut(0)), 500).pack())
-    receive_batches(inbox, [(head + bytes(part), SENDERS[0]) for head, part in fragments(offer)])
+    receive_batches(inbox, offer_of(cut(0)))
     receive_batches(inbox, cut(1)[:5])
     receive_batches(inbox, cut(1)[5:])
-    return inbox
 
 
-def test_what_the_socket_requested_is_not_requested_again_too_early() -> None:
-    inbox = offered_inbox()
+def test_what_the_socket_requested_is_not_requested_again_too_early(
+    inbox: Inbox, offered: None
+) -> None:
     datagrams = cut(2)
     slots, credits = inbox.predict_slots()
     assert slots.may_nack
@@ -259,8 +235,9 @@ def test_what_the_socket_requested_is_not_requested_again_too_early() -> None:
     assert slots.debounce_nanos == (1000 - 5) // 4  # it was a round trip
 
 
-def test_what_the_socket_requested_may_arrive_in_the_same_batch() -> None:
-    inbox = offered_inbox()
+def test_what_the_socket_requested_may_arrive_in_the_same_batch(
+    inbox: Inbox, offered: None
+) -> None:
     datagrams = cut(2)
     slots, credits = inbox.predict_slots()
     batch = Kernel([*datagrams[:2], *datagrams[3:], datagrams[2]]).receive(slots, credits, 255)
@@ -272,8 +249,9 @@ def test_what_the_socket_requested_may_arrive_in_the_same_batch() -> None:
     assert inbox.predict_slots()[0].may_nack
 
 
-def test_nothing_is_requested_for_duplicates_of_a_delivered_message() -> None:
-    inbox = offered_inbox()
+def test_nothing_is_requested_for_duplicates_of_a_delivered_message(
+    inbox: Inbox, offered: None
+) -> None:
     slots, credits = inbox.predict_slots()
     datagrams = cut(1)
     batch = Kernel([*datagrams[:2], *datagrams[3:]]).receive(slots, credits, 255)
@@ -283,34 +261,29 @@ def test_nothing_is_requested_for_duplicates_of_a_delivered_message() -> None:
     assert inbox.predict_slots()[0].may_nack
 
 
-def test_a_resent_part_does_not_set_the_prediction_back() -> None:
-    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+def test_a_resent_part_does_not_set_the_prediction_back(inbox: Inbox) -> None:
     receive_batches(inbox, [*cut(0)[:1], *cut(0)[2:3], *cut(0)[4:5], *cut(0)[1:2]])
     assert inbox.predict_slots()[0].next_part == 5
     receive_batches(inbox, cut(0)[5:])
     assert inbox.predict_slots()[0].next_part == 3
 
 
-def test_a_batch_that_contradicts_its_message_is_refused_and_not_followed() -> None:
+def test_a_batch_that_contradicts_its_message_is_refused_and_not_followed(inbox: Inbox) -> None:
     raw, sender = cut(1)[2]
     wrong = raw[:7] + bytes([raw[7] - 5]) + raw[8:]
-    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
     for datagrams in (cut(0), [(wrong, sender)], cut(2), cut(1)[:7], cut(1)[7:]):
         receive_batches(inbox, datagrams)
     assert inbox.reassembler.counters.refused == {"parts_max": len(cut(1))}
     assert not inbox.predict_slots()[0].is_open
 
 
-def test_a_batch_after_a_silence_shows_a_restarted_sender() -> None:
-    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+def test_a_batch_after_a_silence_shows_a_restarted_sender(inbox: Inbox) -> None:
     receive_batches(inbox, cut(5))
-    received = receive_batches(inbox, cut(3), 2 * 10**9)
-    assert [one.seq_number for one, _, _ in received if one is not None] == [3]
+    assert numbers(receive_batches(inbox, cut(3), 2 * 10**9)) == [3]
     assert inbox.reassembler.counters.late == 0
 
 
-def test_a_batch_of_a_delivered_message_is_duplicates() -> None:
-    inbox = Inbox(receive_buffer=1 << 16, on_credit=lambda *_: None)
+def test_a_batch_of_a_delivered_message_is_duplicates(inbox: Inbox) -> None:
     for seq in (0, 1, 1):
         receive_batches(inbox, cut(seq))
     counters = inbox.reassembler.counters
