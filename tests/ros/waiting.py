@@ -8,12 +8,12 @@ from typing import Any
 from .processes import TIMEOUT_S
 
 
-def wait_until(is_enough: Callable[[], Any], what: str) -> None:
+def wait_until(is_enough: Callable[[], Any], what: str = "what is waited for") -> None:
     """Wait for a condition, or fail naming it."""
     end = time.monotonic() + TIMEOUT_S
     while not is_enough():
         assert time.monotonic() < end, f"{what} did not come"
-        time.sleep(0.01)
+        time.sleep(0.001)
 
 
 def each_period(period_s: float, count: int) -> Any:

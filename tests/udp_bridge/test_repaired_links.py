@@ -7,7 +7,8 @@ from typing import Any, cast
 
 import pytest
 
-from tests.udp_bridge.io.test_link import DEFAULT_BUFFER, LOCAL, wait_for
+from tests.ros.waiting import wait_until
+from tests.udp_bridge.io.test_link import DEFAULT_BUFFER, LOCAL
 from udp_bridge import Link, Message
 from udp_bridge.io.udp_socket import DatagramSocket, UdpSocket
 from udp_bridge.sender.repair import Fec, Mode, Resend
@@ -63,7 +64,7 @@ def test_what_is_lost_between_two_links_is_mended(mode: Mode) -> None:
         for index, body in enumerate(bodies):
             before = len(received)
             link.send(1, "/points", "lidar", time.time_ns(), body)
-            wait_for(lambda before=before: len(received) > before)  # type: ignore[misc]
+            wait_until(lambda before=before: len(received) > before)  # type: ignore[misc]
             assert received[-1].seq_number == index
         assert link.flush(20)
         sent, got = link.counters(), to.counters()
@@ -81,7 +82,7 @@ def test_a_body_may_be_sent_to_a_link_that_offers_no_repair() -> None:
         Link(LOCAL, to.address, receive_buffer=DEFAULT_BUFFER) as link,
     ):
         link.send(1, "/points", "", 1, bytes(100_000))
-        wait_for(lambda: len(received) == 1)
+        wait_until(lambda: len(received) == 1)
         assert to.counters()["resend_requests"] == 0
 
 
@@ -104,7 +105,7 @@ def test_a_topic_may_be_mended_from_some_message_on() -> None:
             link.send(9, "/cmd_vel", "", time.time_ns(), bytes(52))
         assert link.flush(20)
         assert link.sent_counts() == {(9, "/cmd_vel"): 2 * count}
-        wait_for(lambda: received >= set(range(count, 2 * count)))
+        wait_until(lambda: received >= set(range(count, 2 * count)))
     assert not received >= set(range(count))
 
 
@@ -121,9 +122,9 @@ def test_what_is_missed_is_asked_for_before_the_rest_is_acknowledged() -> None:
         source = UdpSocket(LOCAL, receive_buffer=1 << 20, wait_s=5.0)
         for datagram in [*parts[:4], offer, parts[4], parts[6]]:
             source.send([datagram], to.address)
-        wait_for(lambda: to.counters()["received_datagrams"] == 7)
+        wait_until(lambda: to.counters()["received_datagrams"] == 7)
         old_nanos = time.monotonic_ns() + 2_000_000
-        wait_for(lambda: time.monotonic_ns() > old_nanos)  # now the gap is worth a request
+        wait_until(lambda: time.monotonic_ns() > old_nanos)  # now the gap is worth a request
         source.send([parts[7]], to.address)
         for _ in range(3):
             assert source.receive_into(buffer) is not None

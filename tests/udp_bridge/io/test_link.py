@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from tests.ros.waiting import wait_until
 from udp_bridge import BadMessage, Link, Message, TooLarge, fragments
 from udp_bridge.io.receive_thread import BLOCKED_NANOS
 from udp_bridge.io.udp_socket import UdpSocket, buffer_hint
@@ -21,13 +22,6 @@ from udp_bridge.wire.message import Address
 LOCAL = ("127.0.0.1", 0)
 DEFAULT_BUFFER = 212_992
 TIMEOUT_S = 20.0
-
-
-def wait_for(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + TIMEOUT_S
-    while not condition():
-        assert time.monotonic() < deadline, "the condition never came true"
-        time.sleep(0.001)
 
 
 class Endpoint:
@@ -67,7 +61,7 @@ def test_a_message_arrives_as_it_was_sent(make: Make) -> None:
     receiver = make()
     sender = make(peer=receiver.link.address)
     sender.link.send(9, "/cmd_vel", "base", 1_500_000_001, bytearray(b"body"))
-    wait_for(lambda: len(receiver.received) == 1)
+    wait_until(lambda: len(receiver.received) == 1)
     (message,) = receiver.received
     assert message == Message(9, "/cmd_vel", "base", 1_500_000_001, 0, b"body", 1)
     assert receiver.senders == {sender.link.address}
@@ -76,9 +70,9 @@ def test_a_message_arrives_as_it_was_sent(make: Make) -> None:
 def test_an_answer_goes_back_to_the_sender(make: Make) -> None:
     ros, gateway = make(), make()
     gateway.link.send(8, "", "", 1, b"clock", to=ros.link.address)
-    wait_for(lambda: len(ros.senders) == 1)
+    wait_until(lambda: len(ros.senders) == 1)
     ros.link.send(9, "/cmd_vel", "", 2, b"twist", to=next(iter(ros.senders)))
-    wait_for(lambda: len(gateway.received) == 1)
+    wait_until(lambda: len(gateway.received) == 1)
     assert gateway.received[0].body == b"twist"
 
 
@@ -90,7 +84,7 @@ def test_clouds_do_not_overrun_a_default_receive_buffer(make: Make, datagram: in
     body = os.urandom(1_200_000)
     for count in range(1, 51):
         sender.link.send(1, "/points", "lidar", count, body)
-        wait_for(lambda count=count: len(receiver.received) >= count)  # type: ignore[misc]
+        wait_until(lambda count=count: len(receiver.received) >= count)  # type: ignore[misc]
     assert [message.seq_number for message in receiver.received] == list(range(50))
     assert all(message.body == body for message in receiver.received)
     received = receiver.link.counters()
@@ -99,7 +93,7 @@ def test_clouds_do_not_overrun_a_default_receive_buffer(make: Make, datagram: in
         "incomplete": 0,
         "missing": 0,
     }
-    wait_for(lambda: sender.link.counters()["sent_messages"] == 50)
+    wait_until(lambda: sender.link.counters()["sent_messages"] == 50)
     sent = sender.link.counters()
     assert sent["superseded"] == 0
     assert sent["sent_datagrams"] == received["received_datagrams"]
@@ -118,7 +112,7 @@ def test_the_largest_message_arrives(make: Make) -> None:
     sender = make(peer=receiver.link.address)
     body = bytes(16_000_000)
     sender.link.send(33, "/image", "camera", 0, body)
-    wait_for(lambda: len(receiver.received) == 1)
+    wait_until(lambda: len(receiver.received) == 1)
     assert receiver.received[0].body == body
     assert receiver.received[0].parts == 246
 
@@ -129,7 +123,7 @@ def test_small_messages_arrive_in_order_beside_large_ones(make: Make) -> None:
     sender.link.send(1, "/points", "lidar", 0, bytes(3_000_000))
     for tick in range(100):
         sender.link.send(8, "/clock", "", tick, tick.to_bytes(4, "little"))
-    wait_for(lambda: len(receiver.received) == 101)
+    wait_until(lambda: len(receiver.received) == 101)
     clock = [message.stamp_nanos for message in receiver.received if message.msg_type == 8]
     assert clock == list(range(100))
 
@@ -147,7 +141,7 @@ def test_any_thread_may_send(make: Make) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    wait_for(lambda: len(receiver.received) == 400)
+    wait_until(lambda: len(receiver.received) == 400)
     assert receiver.link.counters()["missing"] == 0
 
 
@@ -161,24 +155,24 @@ def test_a_peer_that_is_not_there_is_no_error(make: Make) -> None:
         sender.link.send(8, "/clock", "", index, b"t")
         sender.link.send(8, "/clock", "", index, b"t", to=present.link.address)
     sender.link.send(1, "/points", "", 1, bytes(300_000))
-    wait_for(lambda: len(present.received) == 20)
+    wait_until(lambda: len(present.received) == 20)
     assert sender.link.flush(TIMEOUT_S)
-    wait_for(lambda: sender.link.counters()["unreachable"] > 0)
+    wait_until(lambda: sender.link.counters()["unreachable"] > 0)
     # It comes, and what is sent from then on arrives.
     late = make(bind=absent)
     sender.link.send(8, "/clock", "", 100, b"t")
-    wait_for(lambda: len(late.received) == 1)
+    wait_until(lambda: len(late.received) == 1)
 
 
-def test_newer_large_messages_supersede_those_that_wait(make: Make) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:  # it never acknowledges
-        silent.bind(LOCAL)
-        sender = make(peer=silent.getsockname())
-        for index in range(20):
-            sender.link.send(1, "/points", "", index, bytes(1_000_000))
-        wait_for(lambda: sender.link.counters()["superseded"] >= 17)
-        counts = sender.link.counters()
-        assert counts["sent_messages"] + counts["superseded"] <= 20
+def test_newer_large_messages_supersede_those_that_wait(
+    make: Make, stranger: socket.socket
+) -> None:
+    sender = make(peer=stranger.getsockname())
+    for index in range(20):
+        sender.link.send(1, "/points", "", index, bytes(1_000_000))
+    wait_until(lambda: sender.link.counters()["superseded"] >= 17)
+    counts = sender.link.counters()
+    assert counts["sent_messages"] + counts["superseded"] <= 20
 
 
 def test_what_fits_at_no_size_is_refused_and_counted(make: Make) -> None:
@@ -212,7 +206,7 @@ def test_host_names_are_known_by_their_address(make: Make) -> None:
     receiver = make(receive_buffer=DEFAULT_BUFFER)
     sender = make(peer=("localhost", receiver.link.address[1]))
     sender.link.send(1, "/points", "", 0, bytes(2_000_000))
-    wait_for(lambda: len(receiver.received) == 1)
+    wait_until(lambda: len(receiver.received) == 1)
     assert sender.link.received.messages > 0  # credits
 
 
@@ -222,7 +216,7 @@ def test_reports_tell_a_sender_what_arrived(make: Make) -> None:
     stamp = time.time_ns()
     for index in (0, 1):
         sender.link.send(2, "/imu", "imu", stamp + index, b"x")
-    wait_for(lambda: len(sender.received) >= 2)
+    wait_until(lambda: len(sender.received) >= 2)
     bodies = [control.parse(message.body) for message in sender.received]
     report = next(body for body in bodies if isinstance(body, TopicReport))
     assert (report.msg_type, report.numbers, report.published, report.pending) == (2, 2, 2, 0)
@@ -239,14 +233,14 @@ def test_a_closing_receiver_reports_so_that_its_successor_continues(make: Make) 
     sender = make(peer=address)
     for index in range(5):
         sender.link.send(2, "/imu", "imu", 1 + index, b"x")
-    wait_for(lambda: len(receiver.received) == 5)
+    wait_until(lambda: len(receiver.received) == 5)
     receiver.link.close()
-    wait_for(lambda: sender.link.delivery_counts()[0].delivered == 5)
+    wait_until(lambda: sender.link.delivery_counts()[0].delivered == 5)
     again = make(bind=address, report=True)
     sender.link.send(2, "/imu", "imu", 6, b"x")
-    wait_for(lambda: len(again.received) == 1)
+    wait_until(lambda: len(again.received) == 1)
     again.link.close()
-    wait_for(lambda: sender.link.delivery_counts()[0].delivered == 6)
+    wait_until(lambda: sender.link.delivery_counts()[0].delivered == 6)
     (counts,) = sender.link.delivery_counts()
     assert (counts.sent, counts.missing, counts.in_flight) == (6, 0, 0)
 
@@ -256,11 +250,11 @@ def test_confirmed_messages_count_when_reported(make: Make) -> None:
     sender = make(peer=receiver.link.address)
     for index in range(3):
         sender.link.send(2, "/imu", "imu", 1 + index, b"x")
-    wait_for(lambda: len(receiver.received) == 3)
+    wait_until(lambda: len(receiver.received) == 3)
     receiver.link.published(receiver.received[0], sender.link.address)
     receiver.link.dropped(receiver.received[1], sender.link.address)
     receiver.link.close()
-    wait_for(lambda: sender.link.delivery_counts()[0].delivered == 1)
+    wait_until(lambda: sender.link.delivery_counts()[0].delivered == 1)
     (counts,) = sender.link.delivery_counts()
     assert (counts.dropped, counts.in_flight) == (1, 1)
 
@@ -269,11 +263,11 @@ def test_without_report_nothing_goes_back_for_small_messages(make: Make) -> None
     receiver = make()
     sender = make(peer=receiver.link.address)
     sender.link.send(2, "/imu", "imu", 0, b"x")
-    wait_for(lambda: len(receiver.received) == 1)
+    wait_until(lambda: len(receiver.received) == 1)
     assert receiver.link.counters()["sent_datagrams"] == 0
 
 
-def test_drops_of_the_kernel_are_counted() -> None:
+def test_drops_of_the_kernel_are_counted(stranger: socket.socket) -> None:
     is_busy = threading.Event()
     received: list[Message] = []
 
@@ -282,37 +276,31 @@ def test_drops_of_the_kernel_are_counted() -> None:
         is_busy.wait(TIMEOUT_S)
 
     with Link(LOCAL, on_message=on_message, receive_buffer=DEFAULT_BUFFER) as link:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as flood:
-            flood.bind(LOCAL)
-            message = Message(2, "/imu", "", 0, 0, bytes(1000))
-            sent = 400
-            for seq in range(sent):
-                ((head, part),) = fragments(message._replace(seq_number=seq))
-                flood.sendmsg([head, part], [], 0, link.address)
-            is_busy.set()
-            wait_for(lambda: received[-1:] != [] and link.counters()["received_datagrams"] > 0)
-            # The count comes with the next datagram behind the drops.
-            seq = sent
-            while not link.counters()["kernel_drops"]:
-                ((head, part),) = fragments(message._replace(seq_number=seq))
-                flood.sendmsg([head, part], [], 0, link.address)
-                seq += 1
-                time.sleep(0.001)
-            wait_for(
-                lambda: (
-                    link.counters()["received_datagrams"] + link.counters()["kernel_drops"] == seq
-                )
-            )
+        message = Message(2, "/imu", "", 0, 0, bytes(1000))
+        sent = 400
+        for seq in range(sent):
+            ((head, part),) = fragments(message._replace(seq_number=seq))
+            stranger.sendmsg([head, part], [], 0, link.address)
+        is_busy.set()
+        wait_until(lambda: received[-1:] != [] and link.counters()["received_datagrams"] > 0)
+        # The count comes with the next datagram behind the drops.
+        seq = sent
+        while not link.counters()["kernel_drops"]:
+            ((head, part),) = fragments(message._replace(seq_number=seq))
+            stranger.sendmsg([head, part], [], 0, link.address)
+            seq += 1
+            time.sleep(0.001)
+        wait_until(
+            lambda: link.counters()["received_datagrams"] + link.counters()["kernel_drops"] == seq
+        )
         assert link.counters()["missing"] == link.counters()["kernel_drops"]
 
 
-def test_garbage_is_counted_and_changes_nothing(make: Make) -> None:
+def test_garbage_is_counted_and_changes_nothing(make: Make, stranger: socket.socket) -> None:
     receiver = make()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-        stranger.bind(LOCAL)
-        for garbage in (b"", b"x" * 10, bytes(1000), b"\xff" * 65507):
-            stranger.sendto(garbage, receiver.link.address)
-    wait_for(lambda: receiver.link.counters()["received_datagrams"] == 4)
+    for garbage in (b"", b"x" * 10, bytes(1000), b"\xff" * 65507):
+        stranger.sendto(garbage, receiver.link.address)
+    wait_until(lambda: receiver.link.counters()["received_datagrams"] == 4)
     assert receiver.link.counters()["refused"] == {
         "empty": 1,
         "short": 1,
@@ -321,7 +309,7 @@ def test_garbage_is_counted_and_changes_nothing(make: Make) -> None:
     }
     sender = make(peer=receiver.link.address)
     sender.link.send(8, "/clock", "", 0, b"t")
-    wait_for(lambda: len(receiver.received) == 1)
+    wait_until(lambda: len(receiver.received) == 1)
 
 
 def test_an_exception_in_on_message_is_logged_and_ends_nothing(
@@ -337,7 +325,7 @@ def test_an_exception_in_on_message_is_logged_and_ends_nothing(
         sender = make(peer=link.address)
         for index in range(2):
             sender.link.send(8, "/clock", "", index, b"t")
-        wait_for(lambda: link.counters()["errors"] == 2)
+        wait_until(lambda: link.counters()["errors"] == 2)
         assert [message.stamp_nanos for message in received] == [0, 1]
     (record,) = caplog.records  # one traceback in ten seconds
     assert record.getMessage().startswith("on_message of Clock #0 '/clock'")
@@ -357,7 +345,7 @@ def test_a_turn_that_raises_is_counted_and_the_next_one_receives(make: Make) -> 
     sender = make(peer=receiver.link.address)
     for index in range(3):
         sender.link.send(8, "/clock", "", index, b"t")
-    wait_for(lambda: len(receiver.received) == 1)
+    wait_until(lambda: len(receiver.received) == 1)
     assert receiver.link.counters()["errors"] == 2
     assert receiver.link.counters()["deaf"] == 0
 
@@ -374,23 +362,23 @@ def test_a_blocked_receiving_thread_is_counted_as_deaf(make: Make) -> None:
         assert is_held.wait(TIMEOUT_S)
         assert link.counters()["deaf"] == 0
         link._receiving._turn_nanos -= BLOCKED_NANOS
-        wait_for(lambda: link.counters()["deaf"] == 1)
+        wait_until(lambda: link.counters()["deaf"] == 1)
         held.set()
-        wait_for(lambda: link.counters()["deaf"] == 0)
+        wait_until(lambda: link.counters()["deaf"] == 0)
 
 
-def test_a_silent_peer_gets_everything_at_the_rate_of_the_bucket(make: Make) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
-        silent.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
-        silent.bind(LOCAL)
-        silent.settimeout(TIMEOUT_S)
-        sender = make(peer=silent.getsockname())
-        began = time.monotonic()
-        sender.link.send(1, "/points", "", 0, bytes(3_000_000))
-        taken_bytes = 0
-        while taken_bytes < 3_000_000:
-            taken_bytes += len(silent.recv(65536))
-        assert time.monotonic() - began > (3_000_000 - 133_120) / 50e6
+def test_a_silent_peer_gets_everything_at_the_rate_of_the_bucket(
+    make: Make, stranger: socket.socket
+) -> None:
+    stranger.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
+    stranger.settimeout(TIMEOUT_S)
+    sender = make(peer=stranger.getsockname())
+    began = time.monotonic()
+    sender.link.send(1, "/points", "", 0, bytes(3_000_000))
+    taken_bytes = 0
+    while taken_bytes < 3_000_000:
+        taken_bytes += len(stranger.recv(65536))
+    assert time.monotonic() - began > (3_000_000 - 133_120) / 50e6
 
 
 def test_a_closed_link_sends_and_receives_no_more(make: Make) -> None:
@@ -398,7 +386,7 @@ def test_a_closed_link_sends_and_receives_no_more(make: Make) -> None:
     sender = make(peer=receiver.link.address)
     sender.link.send(8, "/clock", "", 0, b"t")
     assert sender.link.flush(TIMEOUT_S)
-    wait_for(lambda: len(receiver.received) == 1)
+    wait_until(lambda: len(receiver.received) == 1)
     names = {thread.name for thread in threading.enumerate()}
     assert names >= {"udp_bridge receive", "udp_bridge send"}
     for endpoint in (sender, receiver):
@@ -417,12 +405,11 @@ def test_closing_waits_for_no_timeout(make: Make, monkeypatch: pytest.MonkeyPatc
     assert not any(thread.is_alive() for thread in endpoint.link._threads)
 
 
-def test_closing_counts_what_was_open(make: Make) -> None:
+def test_closing_counts_what_was_open(make: Make, stranger: socket.socket) -> None:
     receiver = make()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-        head, part = next(fragments(Message(1, "/points", "", 0, 0, bytes(5000)), "mtu"))
-        stranger.sendmsg([head, part], [], 0, receiver.link.address)
-        wait_for(lambda: receiver.link.counters()["received_datagrams"] == 1)
+    head, part = next(fragments(Message(1, "/points", "", 0, 0, bytes(5000)), "mtu"))
+    stranger.sendmsg([head, part], [], 0, receiver.link.address)
+    wait_until(lambda: receiver.link.counters()["received_datagrams"] == 1)
     receiver.link.close()
     assert receiver.link.counters()["incomplete"] == 1
 
@@ -432,7 +419,7 @@ def test_on_message_may_close_the_link(make: Make) -> None:
     links.append(Link(LOCAL, on_message=lambda *_: links[0].close()))
     sender = make(peer=links[0].address)
     sender.link.send(8, "/clock", "", 0, b"t")
-    wait_for(lambda: not any(thread.is_alive() for thread in links[0]._threads))
+    wait_until(lambda: not any(thread.is_alive() for thread in links[0]._threads))
 
 
 def test_a_link_uses_and_closes_the_socket_that_it_is_given(make: Make) -> None:
@@ -453,7 +440,7 @@ def test_a_link_uses_and_closes_the_socket_that_it_is_given(make: Make) -> None:
     assert sender.link.address == own.address
     assert sender.link.receive_buffer == own.receive_buffer
     sender.link.send(8, "/clock", "", 0, b"t")
-    wait_for(lambda: len(receiver.received) == 1)
+    wait_until(lambda: len(receiver.received) == 1)
     assert sent == [24 + 1]
     sender.link.close()
     assert closed == [own]

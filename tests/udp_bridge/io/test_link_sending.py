@@ -3,10 +3,11 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import pytest
 
+from tests.ros.waiting import wait_until
 from udp_bridge import Link, parse
 from udp_bridge.sender import flow_control
 from udp_bridge.sender.repair import Resend
@@ -71,13 +72,6 @@ def wire() -> Iterator[Wire]:
     wire.may_send.set()
 
 
-def wait_for(condition: Callable[[], bool], what: str) -> None:
-    deadline = time.monotonic() + TIMEOUT_S
-    while not condition():
-        assert time.monotonic() < deadline, f"in vain: {what}"
-        time.sleep(0.001)
-
-
 def clock(link: Link, number: int) -> None:
     link.send(8, "/clock", "", 10**18 + number, bytes([number]))
 
@@ -87,7 +81,7 @@ def make_thread_look(link: Link) -> None:
     with link._wake:
         link._sleeps_until_nanos = 0.0
         link._wake.notify_all()
-    wait_for(lambda: link._sleeps_until_nanos > 0, "the thread sleeps")
+    wait_until(lambda: link._sleeps_until_nanos > 0, "the thread sleeps")
 
 
 class KeepingWire(Wire):
@@ -118,7 +112,7 @@ def test_a_credit_that_is_kept_while_the_sender_gives_up_is_found(
     with Link(("", 0), TO, socket=wire) as link:
         for number in range(3):
             link.send(33, "/image", "", 10**18 + number, bytes(12_000_000))
-            wait_for(link._is_idle, "all parts leave")
+            wait_until(link._is_idle, "all parts leave")
         parts = [(h.seq_number, h.part_number) for h in wire.headers if h.msg_type == 33]
         assert parts == [(number, part) for number in range(3) for part in range(184)]
         assert link.counters()["stalls"] == 0
@@ -176,7 +170,7 @@ def test_an_offer_is_repeated_though_nothing_else_happens(wire: Wire) -> None:
         make_thread_look(link)
         clock(link, 0)
         offers = lambda: [h for h in list(wire.headers) if h.msg_type == RESEND]  # noqa: E731
-        wait_for(lambda: len(offers()) >= 3, "the offer of a message that nobody asks for")
+        wait_until(lambda: len(offers()) >= 3, "the offer of a message that nobody asks for")
 
 
 def test_what_comes_while_somebody_sends_is_sent_by_him(wire: Wire) -> None:
@@ -196,7 +190,7 @@ def test_what_comes_while_somebody_sends_is_sent_by_him(wire: Wire) -> None:
         assert [header.seq_number for header in wire.headers] == list(range(6))
 
 
-def test_what_waits_for_credit_wakes_a_thread_that_had_nothing_to_wait_for(wire: Wire) -> None:
+def test_what_waits_for_credit_wakes_a_thread_that_had_nothing_to_wait_until(wire: Wire) -> None:
     body = bytes(65280 * 20)
     with Link(("", 0), TO, socket=wire) as link:
         wire.may_send.clear()
@@ -207,7 +201,7 @@ def test_what_waits_for_credit_wakes_a_thread_that_had_nothing_to_wait_for(wire:
         wire.may_send.set()
         sender.join(TIMEOUT_S)
         parts = lambda: [h.part_number for h in wire.headers if h.msg_type == 1]  # noqa: E731
-        wait_for(lambda: parts() == list(range(20)), "parts that no credit came for")
+        wait_until(lambda: parts() == list(range(20)), "parts that no credit came for")
 
 
 def test_an_error_in_a_socket_leaves_nothing_behind(wire: Wire) -> None:
@@ -233,7 +227,7 @@ def test_an_error_in_a_socket_leaves_nothing_behind(wire: Wire) -> None:
         sender.join(TIMEOUT_S)
         assert errors
         assert link.flush(TIMEOUT_S)
-        wait_for(lambda: [h.seq_number for h in wire.headers] == [0, 2], "what was left to it")
+        wait_until(lambda: [h.seq_number for h in wire.headers] == [0, 2], "what was left to it")
 
 
 def test_closing_does_not_wait_for_what_waits(wire: Wire) -> None:
