@@ -5,14 +5,18 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from types import TracebackType
+
+import msgspec
+from msgspec.structs import replace
 
 from groundlink.bus.core_topics import GATEWAY
 from groundlink.bus.session import Bus, BusError
 from groundlink.core.errors import UserError
-from groundlink.messages.base import Clock
+from groundlink.emulation.model import DirectionState
+from groundlink.messages.base import Ack, Clock
 from groundlink.process.runner import address
 from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import GatewaySettings
@@ -32,11 +36,59 @@ from .forwarder import Forwarder
 from .gateway import Gateway
 from .lockstep.lockstep import REPAIR, Lockstep
 from .lockstep.reply_mailbox import ReplyMailbox
-from .memory import GatewayMemory
 from .peer_resolver import PeerResolver
 from .rmw_zenoh import RmwZenohBridge
 from .streams import queue_limits, repair_table
 from .subscribers import Address
+
+
+class _Memory(msgspec.Struct, array_like=True):
+    newest: dict[str, int]
+    """By stream: stamp of the newest message that was sent to ROS."""
+
+    counts: dict[str, int]
+    link: dict[str, DirectionState]
+    """By direction: state of the emulated link's random numbers."""
+
+    next_due: dict[str, int] = {}
+    not_come: dict[str, int] = {}
+    """See `MissingReadingCounter.memory`."""
+
+
+class GatewayMemory:
+    """Memory of a gateway: what a successor, or a restored run, continues from.
+
+    It is part of the gateway's acknowledgements. Datagrams on the wire or in the emulated link are
+    not.
+    """
+
+    def __init__(
+        self, gateway: Gateway, emulated: EmulatedSocket | None, publish: Callable[[Ack], object]
+    ) -> None:
+        self._gateway, self._emulated, self._publish = gateway, emulated, publish
+
+    def acknowledge(self, ack: Ack) -> None:
+        """Publish an acknowledgement with the memory."""
+        self._publish(replace(ack, memory=self.pack()))
+
+    def pack(self) -> bytes:
+        """Return the memory."""
+        gateway, emulated = self._gateway, self._emulated
+        link = {} if emulated is None else emulated.direction_states()
+        missing = gateway.missing_readings.memory()
+        return msgspec.msgpack.encode(_Memory(gateway.newest, gateway.counts, link, *missing))
+
+    def recall(self, memory: bytes) -> None:
+        """Continue from a predecessor's memory, after the first clock of an episode."""
+        if not memory:
+            return
+        known = msgspec.msgpack.decode(memory, type=_Memory)
+        self._gateway.newest = known.newest
+        self._gateway.counts |= known.counts
+        self._gateway.missing_readings.remember(known.next_due, known.not_come)
+        if self._emulated is not None:
+            self._emulated.restore(known.link)
+
 
 RECEIVE_WAIT_SECONDS = 0.1
 """Longest time that the receive thread sleeps."""

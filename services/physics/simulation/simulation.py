@@ -5,6 +5,7 @@ The same calls give the same bytes. Nothing here reads a clock or knows how fast
 """
 
 from collections.abc import Callable, Mapping, Sequence, Set
+from contextlib import closing
 from struct import Struct
 from types import TracebackType
 from typing import Self
@@ -20,14 +21,14 @@ from groundlink.scene.spawn_checks import actor_bodies, vehicle_bodies
 from groundlink.world import terrain
 from groundlink.world.actors import Actor
 from groundlink.world.solids import Material, Solid, Sphere
+from groundlink.world.terrain import Ground
 from services.physics.dynamics.backend import Backend
 from services.physics.dynamics.bullet import BulletBackend
 from services.physics.dynamics.statics import StaticBody, add_statics
 from services.physics.dynamics.terrain import CarriedBody, NoTerrain, TerrainWindows, reach_of
-from services.physics.vehicle.vehicle import SimulatedVehicle
+from services.physics.vehicle.vehicle import RestState, SimulatedVehicle
 
 from . import actors
-from .settling import settled
 
 
 class Simulation:
@@ -261,3 +262,52 @@ _pack_row = Struct("<7d").pack
 def _whole(name: str) -> Solid:
     """Return a solid that stands for a moving body, whose contacts have one name."""
     return Solid(name, Sphere(radius_m=1.0), "")
+
+
+MAX_TICKS = 2400
+"""A vehicle that still moves after these is not at rest anywhere near."""
+
+STILL_TICKS = 20
+"""Longer than a swing stands still at its turning point."""
+
+STILL = 5e-5
+"""Velocity, m/s and rad/s, below which a vehicle is at rest."""
+
+
+def settled(
+    vehicle: Vehicle,
+    ground: Ground,
+    materials: Mapping[str, Material],
+    new_backend: Callable[[], Backend] = BulletBackend,
+) -> RestState | None:
+    """Return how a vehicle rests on the terrain at its placement; None if it does not.
+
+    Computed in a backend of its own with the terrain alone, so that nothing in the run moves. On
+    flat ground springs start at their loaded rest, and nothing is computed. A vehicle that slides,
+    as on ice, or starts above the ground, starts where `groundlink.scene.spawn_pose` puts it.
+
+    Kinetic damping: all motion is taken away whenever it begins to slow down. Otherwise springs
+    would swing beyond their rest, and a tall vehicle would tip over.
+    """
+    if vehicle.placement.z_m > 0:
+        return None
+    with closing(new_backend()) as backend:
+        terrain = TerrainWindows(backend, ground, materials)
+        it = SimulatedVehicle(
+            backend, vehicle, lambda _, point: terrain.friction_at(*point[:2]), ground=ground
+        )
+        terrain.carry(it, vehicle.model.name, reach_of(vehicle.model))
+        still, fastest, rises = 0, 0.0, False
+        for tick in range(MAX_TICKS):
+            it.act(tick * TICK_NANOS)
+            terrain.follow()
+            backend.step()
+            it.sense()
+            before, fastest = fastest, it.fastest
+            if rises and fastest < before:
+                it.stop()
+            rises = fastest > before
+            still = still + 1 if fastest < STILL else 0
+            if still == STILL_TICKS:
+                return it.at_rest()
+    return None

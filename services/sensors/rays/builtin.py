@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ray engine for machines without Embree: plain C, the same ranges, two to eight times slower."""
+"""Bounding volume trees, and the ray engine for machines without Embree.
+
+The engine is plain C: the same ranges, two to eight times slower.
+"""
 
 import ctypes
 from ctypes import c_void_p
@@ -9,7 +12,38 @@ from numpy.typing import NDArray
 
 from .engine import SceneMeshes
 from .kernels import kernels
-from .tree import BoxTree
+
+_NODE_BYTES = 32
+
+
+class BoxTree:
+    """A tree of boxes, built by `tree.c` and traversed by the other loops in C.
+
+    Parameters
+    ----------
+    boxes : float32 array, shape (N, 2, 3)
+        Lowest and highest corner of each.
+    leaf_items : int
+        Most boxes of a leaf.
+
+    Attributes
+    ----------
+    nodes : uint8 array
+        Structures `node` of `rays.h`.
+    order : int32 array, shape (N,)
+        Numbers of the boxes, leaf after leaf.
+    """
+
+    def __init__(self, boxes: NDArray[np.float32], *, leaf_items: int) -> None:
+        self.nodes = np.empty((2 * len(boxes), _NODE_BYTES), np.uint8)
+        self.order = np.empty(len(boxes), np.int32)
+        if len(boxes):
+            boxes = np.ascontiguousarray(boxes, np.float32)
+            kernels().groundlink_tree(
+                *(boxes.ctypes.data, len(boxes), leaf_items),
+                *(self.order.ctypes.data, self.nodes.ctypes.data),
+            )
+
 
 LEAF_TRIANGLES = 4
 """Triangles of a leaf, which cost as much as checking another pair of boxes."""

@@ -20,12 +20,11 @@ from numpy.typing import NDArray
 from groundlink.core.frames import Floats
 from groundlink.world.triangles import Triangles
 
-from .builtin import BuiltinEngine
+from .builtin import BoxTree, BuiltinEngine
 from .embree import EmbreeEngine, EngineUnavailableError, device
 from .engine import RayEngine, SceneMeshes
 from .kernels import kernels
 from .terrain import Relief
-from .tree import BoxTree
 
 PACKET = 8
 """Rays that `tracer.c` traces at once."""

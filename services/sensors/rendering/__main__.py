@@ -35,8 +35,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     with needs("camera"):
         import moderngl  # noqa: F401  (the renderer imports it when it draws)
 
-        from services.sensors.rendering.portrait.files import write
-        from services.sensors.rendering.portrait.snapshot import Snapshot
+        from services.sensors.rendering.portrait.snapshot import Snapshot, write
 
     with Bus(connect=process.endpoint(options)) as bus:
         run, scenario = join_world(bus, options.run, stop)

@@ -4,10 +4,12 @@
 A sensor behaves the same in its own process and in a process shared with other sensors.
 """
 
+import socket
 import threading
 from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
+from typing import Any
 
 from groundlink.bus.core_topics import ACK
 from groundlink.bus.queries import faults_key
@@ -21,6 +23,7 @@ from groundlink.messages.missing_readings import counters_of
 from groundlink.process import runner as process
 from groundlink.process.joining import changed_world, join_world
 from groundlink.process.name_claim import claim_name
+from groundlink.process.runner import address
 from groundlink.process.state_follower import StateFollower, follow_states
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensor_kinds import SensorKind, kind_of, load_reference
@@ -29,10 +32,56 @@ from services.sensors.faults.fault_wrapper import FaultWrapper
 from services.sensors.faults.live import LiveFaults
 from services.sensors.noise.random_streams import RandomStreams
 
-from .model import RemovedSensor, StreamMessage, stream_and_message
-from .native import NativeLink, NoLink
+from .model import NativeDevice, RemovedSensor, StreamMessage, stream_and_message
 from .reading_ledger import ReadingLedger
 from .runner import SensorProcess
+
+
+class NativeLink:
+    """UDP link of one device to its destination, in the device's native format.
+
+    Datagrams are sent when a reading is published on the bus. They are not acknowledged or
+    repeated, and a missing receiver has no effect on the run.
+
+    Raises
+    ------
+    UserError
+        when `destination` is not a valid HOST:PORT.
+    """
+
+    def __init__(self, device: NativeDevice, destination: str) -> None:
+        self._device = device
+        self._host, self._port = address(destination)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self.counters = {"native": 0, "native_unsent": 0}
+        """Number of datagrams sent, and of datagrams that the operating system rejected."""
+
+    def send(self, reading: Any, epoch_nanos: int) -> None:
+        """Send the datagrams of a published reading; `epoch_nanos` is the epoch of the run."""
+        for payload, port in self._device.datagrams(reading, epoch_nanos):
+            try:
+                self._socket.sendto(payload, (self._host, port or self._port))
+                self.counters["native"] += 1
+            except OSError:
+                self.counters["native_unsent"] += 1
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+class NoLink:
+    """Null object for a sensor without native output."""
+
+    def __init__(self) -> None:
+        self.counters: dict[str, int] = {}
+
+    def send(self, reading: Any, epoch_nanos: int) -> None:
+        """Ignore the reading."""
+
+    def close(self) -> None:
+        """Do nothing; no socket is open."""
 
 
 def run(kind: SensorKind) -> None:

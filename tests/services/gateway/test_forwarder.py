@@ -12,8 +12,8 @@ from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Ack, BusMessage, Clock, encode
 from services.gateway.forwarder import PILE_MESSAGES, Forwarder
 
+from .test_carrier import IMU_KEY, sample
 from .test_gateway import RUN, Bench
-from .test_memory import IMU_KEY, sample
 
 SECOND = 1_000_000_000
 CLOCK_KEY = f"groundlink/{RUN}/clock"

@@ -15,7 +15,7 @@ from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Box, Solid
 from services.physics.dynamics.backend import GRAVITY_MPS2
 from services.physics.simulation.simulation import Simulation
-from services.physics.vehicle.body_drag import AIR_DENSITY_KGPM3
+from services.physics.vehicle.vehicle import AIR_DENSITY_KGPM3
 
 from .grounds import FLOOR, NAME, drive, put, shipped
 

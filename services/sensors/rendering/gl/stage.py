@@ -5,13 +5,13 @@ The stage knows where things are and how they are drawn, and nothing of cameras,
 Static objects are uploaded once; a move uploads matrices only.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import moderngl
 import numpy as np
-from msgspec.structs import replace
+from msgspec import structs
 
 from groundlink.core.frames import Floats, transform
 from groundlink.world.solids import Material, Solid
@@ -19,7 +19,7 @@ from services.sensors.rendering.look.labels import Labels
 from services.sensors.rendering.look.mesh import VERTEX, Skin, SkinnedMesh
 from services.sensors.rendering.look.shapes import meshes
 
-from .chunks import boxes_around, cut
+from .culling import Boxes
 from .programs import Programs
 
 CHUNK_M = 6.0
@@ -176,5 +176,28 @@ def _alike(links: Sequence[Sequence[Solid]]) -> list[list[int]]:
     """Return groups of indices of links that look alike."""
     groups: dict[tuple[Solid, ...], list[int]] = {}
     for number, link in enumerate(links):
-        groups.setdefault(tuple(replace(solid, name="") for solid in link), []).append(number)
+        look = tuple(structs.replace(solid, name="") for solid in link)
+        groups.setdefault(look, []).append(number)
     return list(groups.values())
+
+
+def cut(mesh: SkinnedMesh, edge_m: float) -> Iterator[SkinnedMesh]:
+    """Yield the chunks of a mesh: the faces whose centers share one cell of space.
+
+    Splitting moves no vertex and cuts no triangle.
+    """
+    middles = mesh.vertices["position"][mesh.faces].mean(axis=1)
+    cells, of_face = np.unique(np.floor(middles / edge_m), axis=0, return_inverse=True)
+    of_face = of_face.reshape(-1)
+    ends = np.cumsum(np.bincount(of_face, minlength=len(cells)))
+    for faces in np.split(mesh.faces[np.argsort(of_face, kind="stable")], ends[:-1]):
+        used, numbers = np.unique(faces, return_inverse=True)
+        faces = numbers.reshape(-1, 3).astype(np.uint32)
+        yield replace(mesh, vertices=mesh.vertices[used], faces=faces)
+
+
+def boxes_around(made: Sequence[SkinnedMesh]) -> Boxes:
+    """Return the box around each mesh."""
+    positions = [mesh.vertices["position"].astype(np.float64) for mesh in made]
+    lows, highs = ([f(p, axis=0) for p in positions] for f in (np.min, np.max))
+    return Boxes.around(np.reshape(lows, (-1, 3)), np.reshape(highs, (-1, 3)))

@@ -1,19 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The portrait of a world, a vehicle or a scenario.
+"""The portrait of a world, a vehicle or a scenario, from the nearest point that sees all of it.
 
 The same files and direction give the same picture, for one version of a driver.
 """
 
+import math
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from groundlink.core.frames import Floats
 from groundlink.loader.partial_scenario import FileKind
 from groundlink.scenario.schema import Scenario
+from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
 
 from .marks import mark
 from .scene import scene
-from .viewpoint import direction, view
 
 INDOORS = 1.5
 """Exposure in rooms, whose corners are dark."""
@@ -49,3 +53,45 @@ def portrait(
     picture = renderer.draw(world_from_optical).color
     mark(picture, shown.frames, shown.axis_m, pinhole, world_from_optical)
     return picture
+
+
+FIELD_DEG = 34.0
+"""Vertical field of view in degrees. It is narrow, so that near objects don't look too large."""
+
+MARGIN = 0.90
+"""Largest share of the picture's width and height that is filled."""
+
+NEAR = 0.02
+"""Near end of the view, as a share of the distance."""
+
+
+def direction(azimuth_deg: float, elevation_deg: float) -> Floats:
+    """Return the unit vector, shape (3,), of an azimuth clockwise from north and an elevation."""
+    azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
+    level = math.cos(elevation)
+    return np.array([level * math.sin(azimuth), level * math.cos(azimuth), math.sin(elevation)])
+
+
+def view(points: Floats, towards_eye: Floats, width: int, height: int) -> tuple[Pinhole, Floats]:
+    """Return a camera that sees all points, and its world_from_optical, shape (4, 4)."""
+    focal = height / 2 / math.tan(math.radians(FIELD_DEG) / 2)
+    helper = np.array([0.0, 0.0, 1.0]) if abs(towards_eye[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
+    right = np.cross(helper, towards_eye)
+    right /= np.linalg.norm(right)
+    world_from_optical = np.eye(4)
+    world_from_optical[:3, :3] = np.stack(
+        [right, np.cross(-towards_eye, right), -towards_eye], axis=-1
+    )
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    x, y, z = ((points - middle) @ world_from_optical[:3, :3]).T
+    shift, away = [], []
+    for across, size in ((x, width), (y, height)):
+        # The planes at the picture's edges, each through the outermost point.
+        slope = MARGIN * size / 2 / focal
+        most, least = (across - slope * z).max(), (-across - slope * z).max()
+        shift.append((most - least) / 2)
+        away.append((most + least) / 2 / slope)
+    distance = max(*away, 1e-3 - z.min())
+    world_from_optical[:3, 3] = middle + world_from_optical[:3, :3] @ (*shift, -distance)
+    pinhole = Pinhole(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2)
+    return replace(pinhole, near_m=NEAR * (distance + z.min())), world_from_optical

@@ -14,8 +14,7 @@ from groundlink.scenario.sensors import InertialUnit
 from groundlink.scene.spawn_pose import spawn_pose
 from groundlink.world.solids import Material
 from groundlink.world.terrain import Terrain, load_ground
-from services.physics.simulation.settling import settled
-from services.physics.simulation.simulation import Simulation
+from services.physics.simulation.simulation import Simulation, settled
 from services.sensors.imu.model import ImuModel
 from tests.services.physics.grounds import FLOOR, NAME, VEHICLES, shipped
 from tests.services.physics.terrains import put, terrain, world

@@ -9,7 +9,7 @@ import yaml
 
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.sensors import Gnss
-from services.sensors.gnss.errors import GnssErrors
+from services.sensors.gnss.model import GnssErrors
 from services.sensors.noise.random_streams import RandomStreams
 
 SHEETS = {sheet.stem: sheet for sheet in (SHIPPED / "sensors").glob("gnss_*.yaml")}

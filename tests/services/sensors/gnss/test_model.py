@@ -14,9 +14,8 @@ from groundlink.messages.base import BadBusMessage, State, encode, floats
 from groundlink.messages.navigation import NavSatFix
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Gnss, Mount, PositionNoise
-from services.sensors.gnss.errors import GnssErrors
 from services.sensors.gnss.geodesy import Geodetic, TangentPlane, ecef_from_geodetic
-from services.sensors.gnss.model import GnssModel
+from services.sensors.gnss.model import GnssErrors, GnssModel
 from services.sensors.gnss.reception import inside
 from services.sensors.noise.random_streams import RandomStreams
 from tests.services.sensors.states import EPOCH_NANOS, scenario

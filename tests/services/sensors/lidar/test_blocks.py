@@ -17,7 +17,7 @@ from groundlink.messages.base import PointCloud, State, VehicleState, packed
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Lidar
 from services.sensors.lidar.model import LidarModel
-from services.sensors.scanning.blocks import FiringBlocks
+from services.sensors.scanning.scanner import FiringBlocks
 from services.sensors.scanning.sweep import Sweep
 
 EPOCH_NANOS = 1_700_000_000_000_000_000

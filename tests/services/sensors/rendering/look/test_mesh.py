@@ -9,8 +9,8 @@ import pytest
 
 from groundlink.world.solids import Box, Cylinder, Material, Shape, Solid, Sphere, Texture
 from groundlink.world.triangles import merged
-from services.sensors.rendering.gl.chunks import boxes_around, cut
 from services.sensors.rendering.gl.culling import Boxes, from_near_to_far, seen
+from services.sensors.rendering.gl.stage import boxes_around, cut
 from services.sensors.rendering.look.labels import Labels
 from services.sensors.rendering.look.mesh import SkinnedMesh
 from services.sensors.rendering.look.patterns import TEXELS

@@ -15,9 +15,8 @@ from groundlink.loader.partial_scenario import FileKind, load_partial
 from groundlink.loader.scenario_files import SHIPPED
 from services.sensors.rendering.portrait.__main__ import FROM_DEG
 from services.sensors.rendering.portrait.marks import BLUE, GREEN, RED, mark
-from services.sensors.rendering.portrait.picture import portrait
+from services.sensors.rendering.portrait.picture import MARGIN, direction, portrait, view
 from services.sensors.rendering.portrait.scene import NamedFrame, scene
-from services.sensors.rendering.portrait.viewpoint import MARGIN, direction, view
 
 SIZE = (480, 320)
 WORLDS = sorted(file.stem for file in (SHIPPED / "worlds").glob("*.yaml"))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from groundlink.core.errors import UserError
-from services.sensors.gnss import sky
+from services.sensors.gnss.reception import directions, geometry, open_sky
 from tests.services.sensors.gnss.test_model import UP, fixes, receiver
 from tests.services.sensors.yards import box, resting, yard
 
@@ -17,15 +17,15 @@ from tests.services.sensors.yards import box, resting, yard
 def test_azimuth_is_clockwise_from_north(
     azimuth_deg: float, elevation_deg: float, expected: tuple[float, float, float]
 ) -> None:
-    (found,) = sky.directions([(azimuth_deg, elevation_deg)]).T
+    (found,) = directions([(azimuth_deg, elevation_deg)]).T
     np.testing.assert_allclose(found, expected, atol=1e-15)
 
 
 @pytest.mark.parametrize("elevation_deg", [5.0, 30.0, 60.0])
 def test_dilution_of_one_overhead_and_three_around(elevation_deg: float) -> None:
     """With s = sin(elevation): HDOP^2 = 4 / (3 (1 - s^2)) and VDOP^2 = 4 / (3 (1 - s)^2)."""
-    towards = sky.directions([(0, 90), *((azimuth, elevation_deg) for azimuth in (0, 120, 240))])
-    found = sky.open_sky(towards)
+    towards = directions([(0, 90), *((azimuth, elevation_deg) for azimuth in (0, 120, 240))])
+    found = open_sky(towards)
     sine = math.sin(math.radians(elevation_deg))
     assert found.satellites == 4
     assert found.horizontal_dilution == pytest.approx(math.sqrt(4 / (3 * (1 - sine**2))))
@@ -34,12 +34,12 @@ def test_dilution_of_one_overhead_and_three_around(elevation_deg: float) -> None
 
 
 def test_too_few_or_all_at_one_height_give_no_position() -> None:
-    ring = sky.directions([(azimuth, 40) for azimuth in range(0, 360, 60)])
+    ring = directions([(azimuth, 40) for azimuth in range(0, 360, 60)])
     with pytest.raises(UserError, match="spread them over the sky"):
-        sky.open_sky(ring)
-    spread = sky.directions([(0, 90), (0, 30), (120, 30), (240, 30)])
+        open_sky(ring)
+    spread = directions([(0, 90), (0, 30), (120, 30), (240, 30)])
     visible = np.array([True, True, True, False])
-    assert sky.geometry(spread, visible) is None
+    assert geometry(spread, visible) is None
 
 
 @pytest.mark.parametrize(("side", "x_m", "seen"), [("west", -2.0, 1), ("east", 2.0, 0)])

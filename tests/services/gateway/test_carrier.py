@@ -5,7 +5,7 @@ from typing import Any
 
 from groundlink.messages.base import Ack, Clock, Imu, encode
 from services.gateway.bus_session import predecessor_memory
-from services.gateway.memory import GatewayMemory
+from services.gateway.carrier import GatewayMemory
 
 from .test_gateway import RUN, Bench
 

@@ -5,7 +5,7 @@ import pytest
 
 from groundlink.core.errors import UserError
 from services.sensors.runtime.model import Datagram
-from services.sensors.runtime.native import NativeLink
+from services.sensors.runtime.process import NativeLink
 
 
 class Device:
