@@ -18,16 +18,7 @@ from groundlink.messages.base import BadBusMessage, BusMessage, M
 from groundlink.messages.relayed import Relayed
 from groundlink.scenario.sensor_kinds import load_reference, sensor_kinds
 
-from . import (
-    faults,
-    ground_truth,
-    imagery,
-    missing_readings,
-    motion,
-    navigation,
-    points,
-    vitals,
-)
+from . import diagnostics, ground_truth, imagery, motion, navigation, points
 from .codec import Codec, Moment
 from .types import STORE, TYPES
 
@@ -36,7 +27,7 @@ Body = bytes | bytearray | memoryview
 Reader = Callable[[Body, int], BusMessage]
 """Converts a body and the run's time to a message of the bus. Raises BadBusMessage."""
 
-_FAMILIES = (motion, points, imagery, navigation, ground_truth, vitals, faults, missing_readings)
+_FAMILIES = (motion, points, imagery, navigation, ground_truth, diagnostics)
 
 
 def _of_kinds() -> list[Codec[Any]]:

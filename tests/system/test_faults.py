@@ -11,7 +11,7 @@ import pytest
 
 from groundlink.recording.reader import Recording
 from groundlink.report.analysis.fault_history import SensorFaultHistory
-from groundlink.ros.faults import from_faults
+from groundlink.ros.diagnostics import from_faults
 from groundlink.ros.types import STORE
 
 from .rig import REPOSITORY, Observer, Rig, rig, wait_for

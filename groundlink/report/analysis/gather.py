@@ -16,12 +16,14 @@ from groundlink.core.clock import NANOS
 from groundlink.recording.metadata import RunFacts
 from groundlink.recording.reader import RecordedMessage, Recording
 from groundlink.report.analysis.thumbnails import IMAGE_TYPES, CameraThumbnails
-from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC
-from groundlink.ros.faults import from_faults
-from groundlink.ros.missing_readings import from_missing_readings
+from groundlink.ros.diagnostics import (
+    DIAGNOSTICS_TOPIC,
+    from_faults,
+    from_missing_readings,
+    from_vitals,
+)
 from groundlink.ros.streams import faults_topic, missing_readings_topic
 from groundlink.ros.types import STORE
-from groundlink.ros.vitals import from_vitals
 from groundlink.scenario.every_sensor import SensorSpec
 
 from .completeness import StreamCompleteness, stream_completeness

@@ -33,7 +33,7 @@ from groundlink.messages.vitals import Vitals
 from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
 from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile
-from groundlink.ros.missing_readings import from_missing_readings
+from groundlink.ros.diagnostics import from_missing_readings
 from groundlink.ros.types import STORE, TYPES, header
 from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Stuck
