@@ -9,8 +9,8 @@ from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
 from groundlink.core.frames import Floats, matrix_from_quaternion, multiply, quaternion_from_rpy
 from groundlink.messages.base import State, VehicleState, packed
 from groundlink.scenario import Scenario
+from groundlink.scene.bodies import link_solids
 from groundlink.scene.build import solids
-from groundlink.scene.vehicle_links import link_solids
 
 from .bullet import Bullet
 

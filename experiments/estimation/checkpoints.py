@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundlink.core.frames import conjugate, matrix_from_quaternion, multiply
-from groundlink.report.analysis.checkpoints import passages
+from groundlink.report.analysis.motion import passages
 
 from .trajectories import Trajectory
 

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from groundlink.episode.fault_messages import Faults
-from groundlink.messages.base import BusMessage, WheelCommand
-from groundlink.messages.ground_truth import Bodies
+from groundlink.messages.base import BusMessage, Relayed, WheelCommand
+from groundlink.messages.ground_truth import VITALS_HZ, Bodies, Vitals
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan
 from groundlink.messages.missing_readings import MissingReadings
 from groundlink.messages.navigation import (
@@ -21,8 +21,6 @@ from groundlink.messages.navigation import (
     PoseStamped,
     Transforms,
 )
-from groundlink.messages.relayed import Relayed
-from groundlink.messages.vitals import VITALS_HZ, Vitals
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensor_kinds import SensorKind, sensor_kinds

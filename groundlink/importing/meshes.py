@@ -2,6 +2,8 @@
 """Mesh import: checks a mesh file, converts it to meters with z up, and stores its asset."""
 
 from dataclasses import dataclass
+from io import BytesIO
+from math import ceil, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,6 @@ from . import scans
 from .file_errors import BadFile, Warn
 from .mesh_files import MeshPiece, Paint, read
 from .mesh_specs import MeshFile
-from .vertex_colors import with_color_picture
 
 MAX_OFFSET_M = 100_000.0
 """Beyond, float32 is coarser than a centimeter."""
@@ -179,3 +180,32 @@ def _check_size(file: Path, size: Floats, spec: MeshFile, warn: Warn) -> None:
 def _vector(point: NDArray[np.float32]) -> Vector3:
     x, y, z = point.tolist()
     return x, y, z
+
+
+LEVELS = 32
+
+
+def with_color_picture(piece: MeshPiece) -> MeshPiece:
+    """Return a piece with vertex colors as one with a picture."""
+    from PIL import Image
+
+    assert piece.colors is not None
+    means = np.clip(piece.colors[piece.faces].mean(axis=1), 0, 1)
+    levels = np.rint(means * (LEVELS - 1)).astype(np.int64)
+    known, place = np.unique(levels @ (LEVELS * LEVELS, LEVELS, 1), return_inverse=True)
+    side = ceil(sqrt(len(known)))
+    picture = np.zeros((side * side, 3), np.uint8)
+    parts = np.stack([known // LEVELS**2, known // LEVELS % LEVELS, known % LEVELS], axis=-1)
+    picture[: len(known)] = np.rint(parts * (255 / (LEVELS - 1)))
+    pixels = picture.reshape(side, side, 3).repeat(2, axis=0).repeat(2, axis=1)
+    file = BytesIO()
+    Image.fromarray(pixels).save(file, "PNG")
+    column, row = place % side, place // side
+    at = np.stack([(column + 0.5) / side, 1 - (row + 0.5) / side], axis=-1)
+    vertices = piece.vertices[piece.faces].reshape(-1, 3)
+    return MeshPiece(
+        vertices=vertices,
+        faces=np.arange(len(vertices)).reshape(-1, 3),
+        uv=at.repeat(3, axis=0),
+        paint=((1.0, 1.0, 1.0), file.getvalue(), None),
+    )

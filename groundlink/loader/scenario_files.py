@@ -28,7 +28,6 @@ from .document import DataPath, Document, ScenarioError, read
 from .explain import convert
 from .scatter import place_scatter
 from .terrain_placement import place_outdoors, place_solids
-from .vehicle_materials import merge_materials
 
 SHEETS = "sensors"
 """Folder of data sheets: beside a scenario's file, or in what is shipped."""
@@ -147,7 +146,7 @@ def _follow_references(document: Document, warn: Warn) -> None:
             _fill_from_datasheet(document, (*here, "sensors", s), sensor)
             _place_on_mount(document, (*here, "sensors", s), vehicle.get("model"))
             _name_package(sensor)
-    merge_materials(document)
+    _merge_materials(document)
 
 
 def _sequence(value: Any) -> list[Any]:
@@ -247,3 +246,30 @@ def _place_on_mount(document: Document, path: DataPath, model: Any) -> None:
                 f"{mark}: `mount`: no mount `{mount}`; {did_you_mean(mount, mounts)}"
             )
         document.at(path)["mount"] = mounts[mount]
+
+
+def _merge_materials(document: Document) -> None:
+    """Add the materials of all vehicles to those of the world, which take precedence.
+
+    Two vehicles may share a name only for the same material.
+    """
+    world: DataPath = ("world", "materials")
+    listed, vehicles = document.at(world), document.at(("vehicles",))
+    if not isinstance(listed, dict) or not isinstance(vehicles, list):
+        return
+    added: dict[str, DataPath] = {}
+    for v in range(len(vehicles)):
+        path: DataPath = ("vehicles", v, "model", "materials")
+        own = document.at(path)
+        for name, material in own.items() if isinstance(own, dict) else ():
+            here = (*path, name)
+            if name not in listed:
+                marks = {p[len(here) :]: m for p, m in document.marks.items() if p[:5] == here}
+                document.put((*world, name), Document(material, marks))
+                added[name] = here
+            elif name in added and document.at(added[name]) != material:
+                raise ScenarioError(
+                    f"{document.mark(here)}: another `{name}` is defined by the vehicle at "
+                    f"{document.mark(added[name])}; rename one, or list `{name}` in the "
+                    "world's materials, which then counts for both"
+                )

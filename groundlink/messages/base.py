@@ -337,3 +337,16 @@ def floats(packed: memoryview) -> NDArray[np.float64]:
 def packed(array: NDArray[Any]) -> memoryview:
     """Return an array's bytes for a bin field; a view if the array is contiguous."""
     return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
+
+
+class Relayed(BusMessage, frozen=True):
+    """A ROS 2 message of a vehicle's stack, unchanged. `groundlink.ros.cdr` checks its CDR."""
+
+    stamp_nanos: int
+    """Run time of its arrival. The stamp of its publisher is in the message."""
+
+    ros_type: str
+    """ROS type, such as nav_msgs/msg/Path."""
+
+    cdr: memoryview
+    """CDR with its encapsulation header."""

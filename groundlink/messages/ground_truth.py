@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of ground truth: poses of all bodies, and the true points behind LiDAR clouds.
+"""Messages of ground truth: poses of all bodies, true points behind LiDAR clouds, vitals.
 
 They have no errors and therefore no covariances. The true motion of a vehicle and its wheels uses
 the messages of `navigation`.
@@ -8,7 +8,7 @@ the messages of `navigation`.
 from typing import Annotated
 
 import numpy as np
-from msgspec import Meta
+from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from .base import POINT, BusMessage, exactly, floats, whole
@@ -57,3 +57,55 @@ class TruePoints(BusMessage, frozen=True):
     def records(self) -> NDArray[np.void]:
         """Return the points as a structured array, shape (N,), dtype `TRUE_POINT`."""
         return np.frombuffer(self.points, TRUE_POINT)
+
+
+VITALS_HZ = 10
+
+
+class Contact(Struct, frozen=True):
+    """An object that a vehicle touched since the last message."""
+
+    name: str
+    """Name of the solid, or of the other vehicle."""
+
+    force_n: float
+    """Largest normal force of a contact point in one tick."""
+
+    tick: int
+    """Tick of the largest force."""
+
+    ticks: int
+    """Number of ticks with contact."""
+
+
+class BatteryState(Struct, frozen=True):
+    """Charge, voltage and current of a vehicle's battery."""
+
+    charge: float
+    """State of charge, 0..1."""
+
+    voltage_v: float
+    current_a: float
+
+
+class Vitals(BusMessage, frozen=True):
+    """Motor energy, contacts and battery of a vehicle, 10 times per second of sim time.
+
+    Energies are sums since the start of the run; contacts are those since the last message. Contact
+    of wheels with the ground is not included.
+    """
+
+    stamp_nanos: int
+    vehicle: str
+    tick: int
+    motor_work_j: float
+    """Mechanical work of the motors in drive since the start."""
+
+    braked_j: float
+    """Mechanical work that the motors absorbed in braking since the start; positive."""
+
+    contacts: tuple[Contact, ...]
+    """Contacts in the order of the first touch."""
+
+    battery: BatteryState | None = None
+    """Battery; none if the vehicle's model has no battery."""

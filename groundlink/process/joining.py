@@ -6,7 +6,8 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 from groundlink.bus.core_topics import HEALTH, ROOT
 from groundlink.bus.queries import scenario_key
@@ -17,7 +18,6 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.decoding import decode_scenario, missing_kinds
 
 from . import asset_exchange
-from .liveness_file import LivenessFile
 from .name_claim import NameClaim, NoClaim
 
 JOIN_SECONDS = 20.0
@@ -132,3 +132,35 @@ class Heartbeat:
         if is_well:
             self._liveness.update(time.monotonic())
         self._claim.check(time.monotonic())
+
+
+VARIABLE = "ALIVE_FILE"
+"""Environment variable with the file name; without it no file is touched."""
+
+
+class LivenessFile:
+    """Touches the file, and logs when the connection to the router is lost and restored."""
+
+    def __init__(
+        self, process: str, is_connected: Callable[[], bool], environment: Mapping[str, str]
+    ) -> None:
+        name = environment.get(VARIABLE)
+        self._process, self._is_connected = process, is_connected
+        self._file = Path(name) if name else None
+        self._disconnected_since: float | None = None
+
+    def update(self, now_seconds: float) -> None:
+        """Touch the file if connected; the time is of a monotonic clock."""
+        if self._is_connected():
+            if self._disconnected_since is not None:
+                seconds = now_seconds - self._disconnected_since
+                self._log(f"reconnected to the router after {seconds:.1f} s")
+                self._disconnected_since = None
+            if self._file is not None:
+                self._file.touch()
+        elif self._disconnected_since is None:
+            self._disconnected_since = now_seconds
+            self._log("connection to the router lost; reconnecting")
+
+    def _log(self, text: str) -> None:
+        print(f"{self._process}: {text}", file=sys.stderr, flush=True)

@@ -14,8 +14,7 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS
-from groundlink.messages.base import BadBusMessage, BusMessage, Clock, PointCloud, Reading
-from groundlink.messages.relayed import Relayed
+from groundlink.messages.base import BadBusMessage, BusMessage, Clock, PointCloud, Reading, Relayed
 from groundlink.ros.cdr import from_cdr
 from groundlink.ros.codec import Moment
 from groundlink.ros.streams import Outgoing, RosStream

@@ -14,11 +14,10 @@ from typing import Any
 from rosbags.serde import SerdeError
 from rosbags.typesys import get_types_from_msg
 
-from groundlink.messages.base import BadBusMessage, BusMessage, M
-from groundlink.messages.relayed import Relayed
+from groundlink.messages.base import BadBusMessage, BusMessage, M, Relayed
 from groundlink.scenario.sensor_kinds import load_reference, sensor_kinds
 
-from . import diagnostics, ground_truth, imagery, motion, navigation, points
+from . import diagnostics, imagery, motion, navigation, points
 from .codec import Codec, Moment
 from .types import STORE, TYPES
 
@@ -27,7 +26,7 @@ Body = bytes | bytearray | memoryview
 Reader = Callable[[Body, int], BusMessage]
 """Converts a body and the run's time to a message of the bus. Raises BadBusMessage."""
 
-_FAMILIES = (motion, points, imagery, navigation, ground_truth, diagnostics)
+_FAMILIES = (motion, points, imagery, navigation, diagnostics)
 
 
 def _of_kinds() -> list[Codec[Any]]:

@@ -13,8 +13,8 @@ import msgspec
 
 from groundlink.episode.fault_messages import Faults
 from groundlink.messages.base import NOT_REPORTED, Health, M, StreamReport
+from groundlink.messages.ground_truth import BatteryState, Contact, Vitals
 from groundlink.messages.missing_readings import MissingReadings, MissingSpan, in_words, parted
-from groundlink.messages.vitals import BatteryState, Contact, Vitals
 from groundlink.scenario.faults import Fault
 
 from .codec import Codec
@@ -90,7 +90,9 @@ def _vitals(message: Vitals) -> dict[str, Any]:
         facts[CONTACT_PREFIX + contact.name] = msgspec.json.encode(rest).decode()
     names = ", ".join(contact.name for contact in message.contacts)
     summary = f"touches {names}" if names else "touches nothing"
-    return _only(message.stamp_nanos, message.vehicle, "vitals", WARN if names else OK, summary, facts)
+    return _only(
+        message.stamp_nanos, message.vehicle, "vitals", WARN if names else OK, summary, facts
+    )
 
 
 def from_vitals(array: Any) -> Vitals:

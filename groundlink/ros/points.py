@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Codecs of point clouds: sensor_msgs/PointCloud2 with the fields of the records."""
+"""Codecs of point clouds, and of the poses of all bodies.
+
+A cloud is a sensor_msgs/PointCloud2 with the fields of the records, the poses a tf2_msgs/TFMessage.
+"""
 
 from typing import Any
 
 import numpy as np
 
 from groundlink.messages.base import POINT, PointCloud, packed
-from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
+from groundlink.messages.ground_truth import TRUE_POINT, WORLD_FRAME, Bodies, TruePoints
 
 from .codec import Codec, Moment, stamp_and_frame
-from .types import TYPES, header
+from .types import TYPES, header, nanos, quaternion, vector, xyz, xyzw
 
 _FIELD_TYPES = {"<f4": 7, "<u2": 4, "<u4": 6}
 """Types of sensor_msgs/PointField: FLOAT32, UINT16 and UINT32."""
@@ -49,7 +52,41 @@ def _true_points_of(ros: Any, moment: Moment) -> TruePoints:
     return TruePoints(*stamp_and_frame(ros), packed(ros.data))
 
 
+def _bodies(message: Bodies) -> dict[str, Any]:
+    """Return a transform from the world for each body, in the order of body numbers.
+
+    These transforms are not in the tf tree: their frames are neither a sensor's nor a stack's.
+    """
+    stamped = TYPES["geometry_msgs/msg/TransformStamped"]
+    transform = TYPES["geometry_msgs/msg/Transform"]
+    of_all = header(message.stamp_nanos, WORLD_FRAME)
+    return {
+        "transforms": [
+            stamped(
+                header=of_all,
+                child_frame_id=name,
+                transform=transform(translation=vector(pose[:3]), rotation=quaternion(pose[3:])),
+            )
+            for name, pose in zip(message.names, message.world_from_body().tolist(), strict=True)
+        ]
+    }
+
+
+def _bodies_of(ros: Any, moment: Moment) -> Bodies:
+    if not ros.transforms:
+        raise ValueError("no transform in it, expected one for each body")
+    poses = [
+        (*xyz(one.transform.translation), *xyzw(one.transform.rotation)) for one in ros.transforms
+    ]
+    return Bodies(
+        nanos(ros.transforms[0].header.stamp),
+        tuple(one.child_frame_id for one in ros.transforms),
+        packed(np.array(poses)),
+    )
+
+
 CODECS = (
     Codec(PointCloud, "sensor_msgs/msg/PointCloud2", _cloud, _cloud_of),
     Codec(TruePoints, "sensor_msgs/msg/PointCloud2", _cloud, _true_points_of),
+    Codec(Bodies, "tf2_msgs/msg/TFMessage", _bodies, _bodies_of),
 )

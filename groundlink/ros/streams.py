@@ -27,9 +27,8 @@ from groundlink.bus.topics import (
     sensor_outputs,
 )
 from groundlink.messages.base import BusMessage, Clock, State, floats
-from groundlink.messages.ground_truth import WORLD_FRAME
+from groundlink.messages.ground_truth import VITALS_HZ, WORLD_FRAME
 from groundlink.messages.navigation import Transform, Transforms
-from groundlink.messages.vitals import VITALS_HZ
 from groundlink.scenario import Scenario
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.ros_side import Stream

@@ -17,12 +17,11 @@ from msgspec.structs import replace
 from groundlink.core.clock import NANOS, TICK_RATE_HZ, exact
 from groundlink.core.fields import Spec, Vector3
 from groundlink.world.actors import Actor
-from groundlink.world.light import Lamps, Sun
 from groundlink.world.objects.indoor_specs import Clutter, Furniture, Room
 from groundlink.world.objects.outdoor_specs import OutdoorObject
 from groundlink.world.solids import Material, Solid
 from groundlink.world.terrain import Terrain
-from groundlink.world.weather import Weather
+from groundlink.world.weather import Lamps, Sun, Weather
 
 from .every_sensor import FramePrefix, Name, Rate, RosTopic, SensorSpec
 from .ros_side import FromRos, GatewaySettings, Stream, TfTree

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Weather of a world: fog, rain and dust."""
+"""Weather and light of a world: fog, rain, dust; sun or lamps. Only cameras see light."""
+
+from typing import Annotated
+
+from msgspec import Meta
 
 from groundlink.core.fields import NonNegative, Positive, Size3, Spec, Vector3
 
@@ -24,3 +28,19 @@ class Weather(Spec, frozen=True, kw_only=True):
     """2 is light rain, 25 a downpour."""
 
     dust: tuple[Dust, ...] = ()
+
+
+class Sun(Spec, frozen=True, tag_field="kind", tag="sun"):
+    """Daylight under a clear sky."""
+
+    azimuth_deg: Annotated[float, Meta(ge=0, lt=360)] = 150.0
+    """Clockwise from north."""
+
+    elevation_deg: Annotated[float, Meta(ge=5, le=90)] = 40.0
+
+
+class Lamps(Spec, frozen=True, tag_field="kind", tag="lamps"):
+    """Identical round lamps that shine downwards."""
+
+    at_m: Annotated[tuple[Vector3, ...], Meta(min_length=1, max_length=4)]
+    """In the world. A lamp just below a ceiling appears as a bright disc on it."""

@@ -15,9 +15,16 @@ import rerun as rr
 from groundlink.core.clock import NANOS
 from groundlink.core.frames import Floats, transform
 from groundlink.messages import imagery, navigation
-from groundlink.messages.base import BusMessage, Command, Imu, PointCloud, WheelEncoders, floats
+from groundlink.messages.base import (
+    BusMessage,
+    Command,
+    Imu,
+    PointCloud,
+    Relayed,
+    WheelEncoders,
+    floats,
+)
 from groundlink.messages.ground_truth import TruePoints
-from groundlink.messages.relayed import Relayed
 from groundlink.ros.cdr import READERS
 from groundlink.ros.types import STORE
 from groundlink.scenario.sensor_kinds import load_reference, sensor_kinds

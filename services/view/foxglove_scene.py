@@ -32,8 +32,8 @@ from groundlink.core.clock import NANOS
 from groundlink.scenario import Scenario
 from groundlink.scenario.joints import base_from_links
 from groundlink.scenario.schema import Vehicle
+from groundlink.scene.bodies import link_solids
 from groundlink.scene.build import solids
-from groundlink.scene.vehicle_links import link_solids
 from groundlink.world import actors
 from groundlink.world.solids import Box, Cylinder, Material, Solid
 from groundlink.world.solids import Mesh as MeshShape

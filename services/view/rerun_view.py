@@ -16,7 +16,7 @@ from groundlink.messages.base import BusMessage, Health, State, floats
 from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.ros.streams import RosStream
 from groundlink.scenario import Scenario
-from groundlink.scene.vehicle_links import link_solids
+from groundlink.scene.bodies import link_solids
 from groundlink.world import actors
 
 from . import link_panel

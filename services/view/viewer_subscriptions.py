@@ -11,11 +11,10 @@ from typing import Any
 from groundlink.bus.core_topics import HEALTH, STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.messages.base import BusMessage, Health, Imu, M, PointCloud, State
+from groundlink.messages.base import BusMessage, Health, Imu, M, PointCloud, Relayed, State
 from groundlink.messages.ground_truth import TruePoints
 from groundlink.messages.imagery import CompressedImage, Image
 from groundlink.messages.navigation import OccupancyGrid
-from groundlink.messages.relayed import Relayed
 from groundlink.ros.streams import RosStream, incoming, outgoing
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import RotatingLidar

@@ -12,7 +12,7 @@ from rosbags.rosbag1 import Reader
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import RELAYED
-from groundlink.messages.relayed import Relayed
+from groundlink.messages.base import Relayed
 from groundlink.ros.types import STORE
 from tests.system.rig import rig
 

@@ -16,8 +16,7 @@ from groundlink.bus.core_topics import STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import FROM_ROS, RELAYED, STREAM_TOPICS
-from groundlink.messages.base import BusMessage, State
-from groundlink.messages.relayed import Relayed
+from groundlink.messages.base import BusMessage, Relayed, State
 from groundlink.ros.cdr import ROS_CODECS, to_cdr
 from tests.udp_bridge.vectors import VECTORS
 from tests.vectors.examples import EXAMPLES, fields

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from groundlink.recording.reader import Recording
-from groundlink.report.analysis.fault_history import SensorFaultHistory
+from groundlink.report.analysis.diagnostics import SensorFaultHistory
 from groundlink.ros.diagnostics import from_faults
 from groundlink.ros.types import STORE
 

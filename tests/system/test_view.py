@@ -23,8 +23,7 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import RELAYED, SENSOR_TOPICS
 from groundlink.core.clock import TICK_NANOS
-from groundlink.messages.base import BusMessage, Command, Health, Imu, PointCloud, State
-from groundlink.messages.relayed import Relayed
+from groundlink.messages.base import BusMessage, Command, Health, Imu, PointCloud, Relayed, State
 from services.view.rerun_destinations import program
 from tests.services.view.foxglove_client import joined
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Counters of processes and ages of streams, from the diagnostics of a run.
+"""Counters of processes, ages of streams and faults of sensors, from the diagnostics of a run.
 
 Of counters the last value is kept; of ages every sample, thinned in long runs.
 """
@@ -7,7 +7,9 @@ Of counters the last value is kept; of ages every sample, thinned in long runs.
 from dataclasses import dataclass, field
 from typing import Any
 
+from groundlink.episode.fault_messages import Faults
 from groundlink.messages.base import StreamReport
+from groundlink.scenario.faults import Fault
 
 PROCESS_FIELDS = ("pid", "host", "tick")
 """Fields of a process's status that are no counters."""
@@ -68,3 +70,32 @@ CAUSES = ("missing", "incomplete", "late", "dropped", "superseded")
 """Fields of `StreamReport` with causes of loss."""
 
 assert set(CAUSES) <= set(StreamReport.__struct_fields__)
+
+
+@dataclass
+class FaultPeriod:
+    """One fault."""
+
+    fault: Fault
+    begin_seconds: float
+    end_seconds: float | None = None
+
+
+class SensorFaultHistory:
+    """Fault periods of one sensor, as its process reported them, in order of begin."""
+
+    def __init__(self, sensor: str) -> None:
+        self.sensor = sensor
+        self.all: list[FaultPeriod] = []
+        self._open: list[FaultPeriod] = []
+
+    def add(self, seconds: float, report: Faults) -> None:
+        """Add the faults reported at an instant."""
+        for failure in self._open:
+            if failure.fault not in report.active:
+                failure.end_seconds = seconds
+        known = [failure.fault for failure in self._open]
+        self._open = [failure for failure in self._open if failure.end_seconds is None]
+        begun = [FaultPeriod(fault, seconds) for fault in report.active if fault not in known]
+        self._open += begun
+        self.all += begun

@@ -8,7 +8,7 @@ kept; further ones are counted.
 from dataclasses import dataclass, field
 
 from groundlink.core.clock import TICK_SECONDS
-from groundlink.messages.vitals import Contact, Vitals
+from groundlink.messages.ground_truth import Contact, Vitals
 
 SAME_EVENT_SECONDS = 0.5
 MAX_EVENTS = 500

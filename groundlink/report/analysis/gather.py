@@ -27,10 +27,9 @@ from groundlink.ros.types import STORE
 from groundlink.scenario.every_sensor import SensorSpec
 
 from .completeness import StreamCompleteness, stream_completeness
-from .diagnostics import RunDiagnostics
+from .diagnostics import RunDiagnostics, SensorFaultHistory
 from .energy import MAX_POINTS as ENERGY_POINTS
 from .energy import Energy
-from .fault_history import SensorFaultHistory
 from .motion import VehicleMotion, stride
 from .sensors import MAX_SAMPLES, CloudSample, Readings, readings_of
 from .streams import StreamTimes

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Track, speed and commands of a vehicle, thinned to what a figure shows.
+"""Track, speed and commands of a vehicle, thinned to what a figure shows; its passages.
 
 In long runs every n-th ground-truth message is decoded, so the distance may be slightly short.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -68,3 +69,44 @@ class VehicleMotion:
 def stride(messages: int) -> int:
     """Return n such that every n-th message is decoded."""
     return max(-(-messages // MAX_POINTS), 1)
+
+
+NEAR_M = 1.0
+
+
+@dataclass(frozen=True)
+class Passage:
+    """One passage of a vehicle."""
+
+    checkpoint: str
+    seconds: float
+    """Sim time."""
+
+    apart_m: float
+    """Horizontal distance from the checkpoint to the vehicle's base."""
+
+
+def passages(
+    track: NDArray[np.float64], checkpoints_m: Mapping[str, tuple[float, float]]
+) -> list[Passage]:
+    """Return all passages, the earliest first.
+
+    Each time a track comes within `NEAR_M` of a checkpoint and leaves again is one passage, at the
+    moment of the least distance.
+
+    Parameters
+    ----------
+    track
+        Shape (N, 3 or more): time, x, y, as `Motion.track`.
+    checkpoints_m
+        x and y by name, in the world.
+    """
+    found = []
+    for name, place in checkpoints_m.items():
+        apart = np.hypot(*(track[:, 1:3] - place).T)
+        near = np.concatenate([[False], apart < NEAR_M, [False]])
+        begins, ends = np.flatnonzero(near[1:] != near[:-1]).reshape(-1, 2).T
+        for begin, end in zip(begins, ends, strict=True):
+            row = begin + int(apart[begin:end].argmin())
+            found.append(Passage(name, float(track[row, 0]), float(apart[row])))
+    return sorted(found, key=lambda passage: passage.seconds)

@@ -12,7 +12,7 @@ import numpy as np
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, matrix_from_quaternion
-from groundlink.messages.vitals import Contact
+from groundlink.messages.ground_truth import Contact
 from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid
 
 RecordedContact = tuple[int, int, Vector3, float]

@@ -26,8 +26,8 @@ from groundlink.episode.journal import (
     this_platform,
 )
 from groundlink.messages.base import Ack, Clock, Command, State, WheelCommand, decode, encode
+from groundlink.messages.ground_truth import VITALS_HZ
 from groundlink.messages.navigation import JointState
-from groundlink.messages.vitals import VITALS_HZ
 from groundlink.scenario import Scenario
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
 from groundlink.scene.build import solids, world_hash

@@ -13,8 +13,8 @@ from typing import Self
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.fields import Vector3
 from groundlink.messages.base import Command, VehicleState, WheelCommand
+from groundlink.messages.ground_truth import Vitals
 from groundlink.messages.navigation import JointState
-from groundlink.messages.vitals import Vitals
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.scene.spawn_checks import actor_bodies, vehicle_bodies

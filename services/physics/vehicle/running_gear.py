@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.fields import Vector3
-from groundlink.messages.vitals import BatteryState
+from groundlink.messages.ground_truth import BatteryState
 from groundlink.scenario.running_gear import Ackermann, Wheel
 from groundlink.scenario.vehicle import VehicleModel
 

@@ -13,8 +13,8 @@ from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, matrix_from_quaternion, nlerp
 from groundlink.messages.base import BadBusMessage, State
 from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scene.bodies import link_solids as links_of
 from groundlink.scene.build import solids
-from groundlink.scene.vehicle_links import link_solids as links_of
 from groundlink.world.actors import form_solids
 from groundlink.world.solids import Box, Cylinder, Mesh, Solid, Sphere
 

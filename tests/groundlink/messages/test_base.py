@@ -14,14 +14,14 @@ from groundlink.messages.base import (
     POINT,
     BadBusMessage,
     BusMessage,
+    Relayed,
     all_messages,
     decode,
     encode,
     packed,
 )
+from groundlink.messages.ground_truth import BatteryState, Contact, Vitals
 from groundlink.messages.missing_readings import MissingReadings, MissingSpan
-from groundlink.messages.relayed import Relayed
-from groundlink.messages.vitals import BatteryState, Contact, Vitals
 from groundlink.scenario.faults import Bias, Stuck
 
 TRUE_POINTS = np.zeros(2, ground_truth.TRUE_POINT)

@@ -13,10 +13,10 @@ from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import BusMessage, Command, Health, Imu, StreamReport, packed
+from groundlink.messages.ground_truth import Contact, Vitals
 from groundlink.messages.imagery import CompressedImage, Image
 from groundlink.messages.missing_readings import MissingReadings, MissingSpan
 from groundlink.messages.navigation import Odometry
-from groundlink.messages.vitals import Contact, Vitals
 from groundlink.recording.metadata import (
     RUN_RECORD,
     TOPICS_RECORD,

@@ -13,10 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
-from groundlink.messages.base import BadBusMessage, BusMessage, Clock, Command, packed
+from groundlink.messages.base import BadBusMessage, BusMessage, Clock, Command, Relayed, packed
 from groundlink.messages.imagery import Range
 from groundlink.messages.navigation import JointState, OccupancyGrid, Odometry, PoseStamped
-from groundlink.messages.relayed import Relayed
 from groundlink.ros.cdr import READERS, ROS_CODECS, reader, to_cdr
 from groundlink.scenario.ros_side import RosType
 from tests.udp_bridge.vectors import FOLDER, load

@@ -8,6 +8,7 @@ import pytest
 
 from groundlink.episode.fault_messages import Faults, counted, kinds_in
 from groundlink.messages.base import BusMessage
+from groundlink.messages.ground_truth import BatteryState, Contact, Vitals
 from groundlink.messages.missing_readings import (
     Cause,
     MissingReadings,
@@ -16,7 +17,6 @@ from groundlink.messages.missing_readings import (
     in_words,
     parted,
 )
-from groundlink.messages.vitals import BatteryState, Contact, Vitals
 from groundlink.ros.cdr import to_cdr
 from groundlink.ros.diagnostics import (
     DIAGNOSTICS_TYPE,

@@ -20,9 +20,8 @@ from groundlink.messages.base import (
     PointCloud,
     WheelEncoders,
 )
-from groundlink.messages.ground_truth import TRUE_POINT, Bodies, TruePoints
+from groundlink.messages.ground_truth import TRUE_POINT, Bodies, Contact, TruePoints, Vitals
 from groundlink.messages.missing_readings import CAUSES, MissingReadings, MissingSpan
-from groundlink.messages.vitals import Contact, Vitals
 from groundlink.ros.cdr import CODECS, from_cdr, to_cdr
 from groundlink.ros.codec import Moment
 from groundlink.scenario.faults import Bias, Stuck

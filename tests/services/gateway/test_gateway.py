@@ -19,11 +19,11 @@ from groundlink.messages.base import (
     Command,
     Imu,
     PointCloud,
+    Relayed,
     StreamReport,
     WheelEncoders,
     packed,
 )
-from groundlink.messages.relayed import Relayed
 from groundlink.ros.cdr import to_cdr
 from groundlink.ros.streams import outgoing
 from groundlink.ros.types import WHEEL_ENCODERS_DEFINITION, header

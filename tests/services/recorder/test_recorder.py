@@ -22,14 +22,13 @@ from groundlink.messages.base import (
     Health,
     Imu,
     PointCloud,
+    Relayed,
     StreamReport,
     packed,
 )
-from groundlink.messages.ground_truth import Bodies
+from groundlink.messages.ground_truth import Bodies, Vitals
 from groundlink.messages.missing_readings import MissingReadings, MissingSpan
 from groundlink.messages.navigation import JointState, Odometry, PoseStamped
-from groundlink.messages.relayed import Relayed
-from groundlink.messages.vitals import Vitals
 from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
 from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile

@@ -29,12 +29,12 @@ from groundlink.messages.base import (
     Command,
     Imu,
     PointCloud,
+    Relayed,
     VehicleState,
     WheelEncoders,
     packed,
 )
 from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
-from groundlink.messages.relayed import Relayed
 from groundlink.ros.cdr import to_cdr
 from groundlink.ros.streams import RosStream
 from groundlink.ros.types import STORE, TYPES, header, pose

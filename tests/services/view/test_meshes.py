@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from groundlink.scene.vehicle_links import link_solids
+from groundlink.scene.bodies import link_solids
 from groundlink.world.solids import Box, Material, Solid
 from services.view import meshes
 

@@ -15,8 +15,8 @@ import numpy as np
 from groundlink.core.frames import Floats
 from groundlink.scenario.schema import World
 from groundlink.world.bounds import bounds
-from groundlink.world.light import Lamps, Sun
 from groundlink.world.solids import Solid
+from groundlink.world.weather import Lamps, Sun
 
 Color = tuple[float, float, float]
 

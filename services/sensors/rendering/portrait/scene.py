@@ -14,9 +14,9 @@ from groundlink.core.frames import Floats, transform
 from groundlink.loader.partial_scenario import FileKind
 from groundlink.scenario.joints import base_from_links
 from groundlink.scenario.schema import Scenario, Vehicle, World
+from groundlink.scene.bodies import link_solids
 from groundlink.scene.build import solids
 from groundlink.scene.spawn_pose import spawn_pose
-from groundlink.scene.vehicle_links import link_solids
 from groundlink.world import actor_motion as motion
 from groundlink.world.actors import form_solids
 from groundlink.world.bounds import bounds

@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Counts, gaps and bins, however long a run is."""
 
+import numpy as np
 import pytest
 
 from groundlink.core.clock import NANOS
-from groundlink.messages.vitals import Contact, Vitals
+from groundlink.episode.fault_messages import Faults
+from groundlink.messages.ground_truth import Contact, Vitals
+from groundlink.report.analysis.diagnostics import FaultPeriod, SensorFaultHistory
 from groundlink.report.analysis.energy import MAX_EVENTS, Energy
-from groundlink.report.analysis.motion import MAX_POINTS, stride
+from groundlink.report.analysis.motion import MAX_POINTS, passages, stride
 from groundlink.report.analysis.streams import LARGEST_KEPT, MAX_BINS, StreamTimes, bin_nanos
+from groundlink.scenario.faults import Bias, Fault, Off, Stuck
 
 
 def track(declared_hz: float | None, nanos: list[int]) -> StreamTimes:
@@ -104,3 +108,36 @@ def test_events_are_bounded() -> None:
         energy.add(float(at), Vitals(0, "rover", 0, 0.0, 0.0, (Contact("wall", 1.0, 0, 1),)))
     assert len(energy.events) == MAX_EVENTS
     assert energy.further_events == 7
+
+
+def test_there_and_back_is_two_passages_each_at_its_nearest() -> None:
+    seconds = np.arange(0, 30, 0.02)
+    x = 15 - np.abs(seconds - 15)  # 1 m/s, 15 m there and back
+    track = np.stack([seconds, x, np.full_like(x, 0.1)], axis=-1)
+    found = passages(track, {"middle": (7.5, 0.0), "end": (15.0, 0.0), "aside": (5.0, 3.0)})
+    assert [passage.checkpoint for passage in found] == ["middle", "end", "middle"]
+    assert [passage.seconds for passage in found] == pytest.approx([7.5, 15.0, 22.5], abs=0.02)
+    assert [passage.apart_m for passage in found] == pytest.approx([0.1] * 3, abs=1e-3)
+
+
+def test_a_way_that_never_moves_has_at_most_one_passage() -> None:
+    track = np.tile([0.0, 1.0, 1.0], (5, 1))
+    assert [passage.seconds for passage in passages(track, {"here": (1.0, 1.5)})] == [0.0]
+    assert passages(np.empty((0, 5)), {"here": (1.0, 1.5)}) == []
+
+
+def test_each_fault_has_its_begin_and_its_end() -> None:
+    off, stuck, bias = Off(at_s=1.0), Stuck(at_s=2.0), Bias(value=1.0)
+    told: list[tuple[float, tuple[Fault, ...]]] = [
+        *((1.0, (off,)), (2.0, (off, stuck)), (3.0, (stuck,))),
+        *((4.0, (bias,)), (5.0, ()), (6.0, (off,))),
+    ]
+    failures = SensorFaultHistory("rover/imu")
+    for seconds, active in told:
+        failures.add(seconds, Faults(0, "rover/imu", 0, active))
+    assert failures.all == [
+        FaultPeriod(off, 1.0, 3.0),
+        FaultPeriod(stuck, 2.0, 4.0),
+        FaultPeriod(bias, 4.0, 5.0),
+        FaultPeriod(off, 6.0, None),
+    ]

@@ -10,8 +10,12 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.__main__ import main
-from groundlink.report.analysis.diagnostics import RunDiagnostics, StreamHistory
-from groundlink.report.analysis.fault_history import FaultPeriod, SensorFaultHistory
+from groundlink.report.analysis.diagnostics import (
+    FaultPeriod,
+    RunDiagnostics,
+    SensorFaultHistory,
+    StreamHistory,
+)
 from groundlink.report.analysis.gather import RunSummary
 from groundlink.report.page.html import Markup, section, table, text
 from groundlink.report.page.page import page

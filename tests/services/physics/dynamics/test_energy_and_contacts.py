@@ -3,7 +3,7 @@
 
 import pytest
 
-from groundlink.messages.vitals import Vitals
+from groundlink.messages.ground_truth import Vitals
 from groundlink.scenario.schema import Placement
 from groundlink.world.solids import Box, Cylinder, Solid, Sphere
 from services.physics.dynamics.energy_and_contacts import EnergyAndContacts

@@ -14,8 +14,8 @@ import pytest
 
 from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy
 from groundlink.scenario.schema import Placement, Scenario
+from groundlink.scene.bodies import link_solids
 from groundlink.scene.build import solids
-from groundlink.scene.vehicle_links import link_solids
 from groundlink.world.triangles import Triangles, merged
 from services.sensors.rays import scene
 from services.sensors.rays.builtin import BuiltinEngine

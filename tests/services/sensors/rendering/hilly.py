@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from groundlink.scenario.schema import Placement, Scenario
 from groundlink.world import assets
-from groundlink.world.light import Lamps, Sun
 from groundlink.world.solids import Material, Solid
 from groundlink.world.terrain import Terrain, encode_grid
+from groundlink.world.weather import Lamps, Sun
 from tests.services.sensors.yards import yard
 
 MATERIALS = {

@@ -12,8 +12,8 @@ from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats
 from groundlink.loader.partial_scenario import load_partial
 from groundlink.scenario.schema import Scenario
-from groundlink.world.light import Lamps, Sun
 from groundlink.world.terrain import Ground, load_ground
+from groundlink.world.weather import Lamps, Sun
 from services.sensors.rays.replica import Replica
 from services.sensors.rendering.gl import ground_levels
 from services.sensors.rendering.gl.ground_levels import EXACT_M, HALF_PIXEL, SIDE, Levels

@@ -14,9 +14,8 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from groundlink.scenario.schema import Placement, Scenario
-from groundlink.world.light import Lamps, Sun
 from groundlink.world.solids import Material
-from groundlink.world.weather import Weather
+from groundlink.world.weather import Lamps, Sun, Weather
 from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.gl.target import ALL_LAYERS

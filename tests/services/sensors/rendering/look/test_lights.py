@@ -9,8 +9,7 @@ from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scene.build import solids
 from groundlink.world.bounds import bounds
-from groundlink.world.light import Lamps, Sun
-from groundlink.world.weather import Weather
+from groundlink.world.weather import Lamps, Sun, Weather
 from services.sensors.rendering.look.lights import lighting
 
 

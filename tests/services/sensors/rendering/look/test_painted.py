@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from groundlink.core.errors import UserError
 from groundlink.scenario.schema import Placement, Scenario
 from groundlink.world import assets
-from groundlink.world.light import Sun
 from groundlink.world.mesh_asset import MeshPart, encode_mesh
 from groundlink.world.solids import Box, Material, Mesh, Solid
 from groundlink.world.triangles import merged
+from groundlink.world.weather import Sun
 from services.sensors.rendering.gl.target import ALL_LAYERS
 from services.sensors.rendering.look.mesh import Skin
 from services.sensors.rendering.look.painted import painted

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.process.liveness_file import VARIABLE, LivenessFile
+from groundlink.process.joining import VARIABLE, LivenessFile
 
 
 def test_it_is_touched_while_there_is_a_link_and_no_longer(tmp_path: Path) -> None:
