@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The bus over real Zenoh: one router, clients, everything on this host's loopback."""
 
-import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ import pytest
 from groundlink.bus.core_topics import Delivery
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus, BusError
-from groundlink.messages.base import POINT, Clock, PointCloud, packed
+from groundlink.messages.base import POINT, BusMessage, Clock, PointCloud, packed
 
 KEY = "groundlink/test/thing"
 
@@ -23,14 +23,16 @@ def wait_for(condition: Callable[[], object], seconds: float = 10) -> None:
         time.sleep(0.01)
 
 
-@pytest.fixture
-def endpoint() -> Iterator[str]:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    endpoint = f"tcp/127.0.0.1:{port}"
-    with Bus(listen=endpoint):
-        yield endpoint
+def publish_until_heard(
+    publish: Callable[[Any], None], message: BusMessage, inbox: BusInbox[Any]
+) -> None:
+    """Publish a message again and again until the subscription is there."""
+
+    def arrived() -> bool:
+        publish(message)
+        return len(inbox) > 0
+
+    wait_for(arrived)
 
 
 def test_messages_reach_every_subscriber_in_order(endpoint: str) -> None:
@@ -38,12 +40,7 @@ def test_messages_reach_every_subscriber_in_order(endpoint: str) -> None:
         inbox: BusInbox[Clock] = BusInbox(depth=1000)
         receiver.subscribe(KEY, Clock, inbox)
         publish = sender.publisher(KEY, Delivery.ALL)
-
-        def arrived() -> bool:
-            publish(Clock(0, 0, -1, 0))
-            return len(inbox) > 0
-
-        wait_for(arrived)
+        publish_until_heard(publish, Clock(0, 0, -1, 0), inbox)
         for tick in range(500):
             publish(Clock(tick, 0, tick, 0))
         ticks = [-1]
@@ -65,12 +62,7 @@ def test_one_subscription_keeps_the_order_of_all_keys(endpoint: str) -> None:
         tell = sender.publisher(clock_key, Delivery.ALL)
         show = sender.publisher(cloud_key, Delivery.ALL)
         pass_over = sender.publisher("groundlink/test/c", Delivery.ALL)
-
-        def arrived() -> bool:
-            tell(Clock(0, 0, -1, 0))
-            return len(inbox) > 0
-
-        wait_for(arrived)
+        publish_until_heard(tell, Clock(0, 0, -1, 0), inbox)
         for tick in range(300):
             points = np.zeros(1 + tick % 7 * 9_000, POINT)
             show(PointCloud(stamp_nanos=tick, frame="", points=packed(points)))
@@ -94,12 +86,7 @@ def test_a_large_cloud_arrives_byte_for_byte(endpoint: str) -> None:
         inbox: BusInbox[PointCloud] = BusInbox(depth=10)
         receiver.subscribe(KEY, PointCloud, inbox)
         publish = sender.publisher(KEY, Delivery.ALL)
-
-        def arrived() -> bool:
-            publish(cloud)
-            return len(inbox) > 0
-
-        wait_for(arrived)
+        publish_until_heard(publish, cloud, inbox)
         message = inbox.get(seconds=1)
         assert message is not None
         assert bytes(message[1].points) == points.tobytes()

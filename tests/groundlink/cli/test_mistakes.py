@@ -12,6 +12,8 @@ from groundlink.cli.run.supervised import SupervisedRun, exit_code
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.monitor.supervisor import Supervisor
 
+DAMAGED = b"groundlink journal 1 " + 64 * b"0" + b"\nnothing"
+
 
 def line(capsys: pytest.CaptureFixture[str], *words: str, code: int = 2) -> str:
     """Return the one line with which a command ends."""
@@ -64,12 +66,50 @@ def test_another_host_needs_the_router_of_the_main_one(
         ("drive --route cirle", "did you mean `circle`"),
         ("restore nothing.run", "cannot read nothing.run"),
         ("replay nothing.mcap", "nothing.mcap: no such file"),
+        ("report nothing.mcap", "nothing.mcap: no such file"),
+        ("snapshot indoor_lab rover/camera --out shot.jpg", "--out shot.jpg: expected a folder"),
     ],
 )
 def test_a_mistake_is_told_before_a_run_is_asked_for(
-    capsys: pytest.CaptureFixture[str], words: str, said: str
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: str,
+    said: str,
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     assert said in line(capsys, *words.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("command", "content", "said"),
+    [
+        ("restore", DAMAGED, "truncated or damaged. Fix: copy or save the run again"),
+        ("up", DAMAGED, "truncated or damaged. Fix: copy or save the run again"),
+        ("save", b"mine", "file exists. Fix: delete it or choose another name"),
+    ],
+)
+def test_a_file_of_a_run_that_cannot_be_used_is_left_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, content: bytes, said: str
+) -> None:
+    file = tmp_path / "a.run"
+    file.write_bytes(content)
+    given = f"save {file}" if command == "save" else file
+    assert line(capsys, command, str(file)) == f"groundlink: {given}: {said}\n"
+    assert file.read_bytes() == content
+
+
+@pytest.mark.parametrize("command", ["check", "up"])
+def test_a_topic_that_ros_cannot_answer_is_told(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "lab.yaml"
+    lab = (SHIPPED / "indoor_lab.yaml").read_text(encoding="utf-8")
+    file.write_text(lab + "\ntime: {answers: {/cmd_vel: /odmo}}\n", encoding="utf-8")
+    told = line(capsys, command, str(file))
+    assert "`time.answers`: /cmd_vel cannot answer /odmo" in told
+    assert "/clock, /imu, " in told
 
 
 @pytest.mark.parametrize(
@@ -81,13 +121,15 @@ def test_a_mistake_is_told_before_a_run_is_asked_for(
         (b"x" * 100, "it does not begin or end as MCAP files do"),
     ],
 )
+@pytest.mark.parametrize("command", ["replay", "report"])
 def test_what_is_no_recording_is_said_in_words(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes, said: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, content: bytes, said: str
 ) -> None:
     file = tmp_path / "a.mcap"
     file.write_bytes(content)
-    told = line(capsys, "replay", str(file))
+    told = line(capsys, command, str(file))
     assert said in told
+    assert str(file) in told
     assert "(error)" not in told
 
 

@@ -7,16 +7,9 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
-from groundlink.loader import load
-from groundlink.loader.scenario_files import SHIPPED
 from groundlink.loader.time_options import add_arguments, forwarded, with_time_options
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Time
-
-
-@pytest.fixture(scope="module")
-def lab() -> Scenario:
-    return load(SHIPPED / "indoor_lab.yaml")
 
 
 def options(*words: str) -> argparse.Namespace:

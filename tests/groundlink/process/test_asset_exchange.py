@@ -2,7 +2,6 @@
 """Assets over the bus, between two stores: whole, unchanged, and nothing but what is named."""
 
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -12,7 +11,6 @@ from msgspec.structs import replace
 
 from groundlink.bus.queries import asset_key, scenario_key
 from groundlink.bus.session import Bus
-from groundlink.cli.run.running import free_endpoint
 from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.process import asset_exchange
@@ -24,15 +22,7 @@ from groundlink.world.mesh_asset import encode_mesh
 from groundlink.world.solids import Mesh, Solid
 from groundlink.world.terrain import Terrain
 
-LAB = Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"
 RUN = "one"
-
-
-@pytest.fixture
-def endpoint() -> Iterator[str]:
-    endpoint = free_endpoint()
-    with Bus(listen=endpoint):
-        yield endpoint
 
 
 @pytest.fixture
@@ -46,7 +36,7 @@ def with_assets(heights: bytes) -> Scenario:
     """Return the laboratory with terrain and a mesh, whose assets are in the store."""
     mesh = assets.put(encode_mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.uint32)))
     shape = Mesh(asset=mesh, low_m=(0.0, 0.0, 0.0), high_m=(1.0, 1.0, 1.0))
-    scenario = load(LAB)
+    scenario = load("indoor_lab")
     world = scenario.world
     ground = Terrain(
         heights=assets.put(heights),

@@ -5,14 +5,13 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
 
 from groundlink.bus.session import Bus
-from groundlink.cli.run.running import free_endpoint
 from groundlink.core.errors import UserError
 from groundlink.process.joining import Heartbeat
 from groundlink.process.name_claim import YIELD_SECONDS, NameClaim, claim_name, claims_key
@@ -20,13 +19,6 @@ from tests.system.rig import wait_for
 
 RUN, NAME = "lab", "gateway"
 AT_ONCE = 3
-
-
-@pytest.fixture
-def endpoint() -> Iterator[str]:
-    endpoint = free_endpoint()
-    with Bus(listen=endpoint):
-        yield endpoint
 
 
 def live(bus: Bus, over: threading.Event) -> None:

@@ -44,11 +44,6 @@ ENTRY = encode_entry(Commanded(3, "rover", Command(0, STILL, STILL)))
 IMU = "rover/imu"
 
 
-@pytest.fixture(scope="module")
-def lab() -> Scenario:
-    return load(str(SHIPPED / "indoor_lab.yaml"))
-
-
 def clock(seconds: float) -> Clock:
     tick = round(seconds * 400)
     return Clock(EPOCH + tick * TICK_NANOS, EPOCH, tick, 1)

@@ -4,7 +4,6 @@
 import re
 from collections.abc import Sequence
 from functools import cache
-from pathlib import Path
 from typing import Literal
 
 import msgspec
@@ -21,13 +20,6 @@ from groundlink.scene.spawn_checks import check_spawns
 from groundlink.world.bounds import bounds, intersect, overlap
 from groundlink.world.objects.indoor_specs import Clutter, Door, Room, Shelf, Table
 from groundlink.world.solids import Box, Cylinder, Material, Shape, Solid, Sphere
-
-LAB = Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"
-
-
-@pytest.fixture(scope="module")
-def lab() -> Scenario:
-    return load(LAB)
 
 
 @pytest.fixture(scope="module")
@@ -65,8 +57,8 @@ def test_there_is_much_in_the_laboratory(built: tuple[Solid, ...]) -> None:
 
 
 def test_the_same_seed_gives_the_same_world(lab: Scenario) -> None:
-    assert solids(lab) == solids(load(LAB))
-    assert world_hash(lab) == world_hash(load(LAB))
+    assert solids(lab) == solids(load("indoor_lab"))
+    assert world_hash(lab) == world_hash(load("indoor_lab"))
     assert re.fullmatch("[0-9a-f]{64}", world_hash(lab))
 
 
@@ -361,8 +353,7 @@ def test_the_strips_along_the_walls_are_inside_the_room_and_go_all_around() -> N
     assert area == pytest.approx(length * width - inner)
 
 
-def test_a_room_may_have_no_door() -> None:
-    scenario = load(Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml")
-    assert scenario.world.room is not None
-    closed = replace(scenario.world, room=replace(scenario.world.room, door=None))
-    assert solids(replace(scenario, world=closed))
+def test_a_room_may_have_no_door(lab: Scenario) -> None:
+    assert lab.world.room is not None
+    closed = replace(lab.world, room=replace(lab.world.room, door=None))
+    assert solids(replace(lab, world=closed))

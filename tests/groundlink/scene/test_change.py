@@ -10,7 +10,6 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
-from groundlink.loader import load
 from groundlink.loader.additions import KINDS, SpawnPlace, _placed, addition
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario import Scenario
@@ -24,11 +23,6 @@ from groundlink.world.solids import Box, Solid
 from groundlink.world.terrain import Ground
 
 FREE = SpawnPlace(0.0, 0.0)
-
-
-@pytest.fixture(scope="module")
-def lab() -> Scenario:
-    return load(SHIPPED / "indoor_lab.yaml")
 
 
 def made(

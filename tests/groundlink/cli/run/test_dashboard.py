@@ -44,23 +44,26 @@ LOSSY = StreamReport(
 BACK = StreamReport("/cmd_vel", "Twist", None, 20.0, 0.001, 7, 0, direction="from ROS", sent=7)
 
 
-def drawn(*streams: StreamReport, width: int = PLAIN_WIDTH) -> str:
+def shown(*healths: Health, width: int = PLAIN_WIDTH) -> str:
+    """Return the tables after these messages; sensors are children of the command."""
     monitor = RunMonitor()
-    monitor.update(Health("gateway", 1, 400, {}, streams), 0.0)
+    for health in healths:
+        monitor.update(health, 0.0)
+    children = [Child(health.process, []) for health in healths if "/" in health.process]
     console = Console(width=width, file=io.StringIO())
     with console.capture() as capture:
-        console.print(dashboard("lab", monitor, []))
+        console.print(dashboard("lab", monitor, children))
     return capture.get()
 
 
+def drawn(*streams: StreamReport, width: int = PLAIN_WIDTH) -> str:
+    return shown(Health("gateway", 1, 400, {}, streams), width=width)
+
+
 def test_who_holds_up_the_run_stands_at_its_head() -> None:
-    monitor = RunMonitor()
     told = Stalls(("rover/lidar",), {"rover/lidar": 6.0}, {"rover/lidar": 5.0})
-    monitor.update(Health("physics", 1, 400, {"worlds": 0} | told.counters()), 0.0)
-    console = Console(width=PLAIN_WIDTH, file=io.StringIO())
-    with console.capture() as capture:
-        console.print(dashboard("lab", monitor, []))
-    second = capture.get().splitlines()[1]
+    picture = shown(Health("physics", 1, 400, {"worlds": 0} | told.counters()))
+    second = picture.splitlines()[1]
     assert second.strip() == "silent: rover/lidar; time stretched by 5.0 s (rover/lidar 5.0 s)"
 
 
@@ -106,14 +109,9 @@ def test_a_narrow_terminal_costs_types_first_and_then_what_does_not_change() -> 
 
 
 def test_the_processes_fit_a_narrow_terminal() -> None:
-    monitor = RunMonitor()
     counters = {"readings": 123_456, "gap_overloaded": 12, "missed_ticks": 34, "refused": 56}
-    monitor.update(Health("rover/front_camera", 4321, 400, counters), 0.0)
     for width in (80, 60):
-        console = Console(width=width, file=io.StringIO())
-        with console.capture() as capture:
-            console.print(dashboard("lab", monitor, [Child("rover/front_camera", [])]))
-        picture = capture.get()
+        picture = shown(Health("rover/front_camera", 4321, 400, counters), width=width)
         assert "…" not in picture
         assert all(word in picture for word in ("123456", "12", "34", "56", "rover/front_camera"))
         assert max(map(len, picture.splitlines())) <= width
@@ -128,8 +126,8 @@ def test_lines_of_processes_stand_below_the_picture_of_a_terminal() -> None:
     assert console.file.getvalue() == ""
     with console.capture() as capture:
         console.print(run._with_lines("picture"))
-    shown = capture.get().split("\n")
-    assert [text.strip() for text in shown if text.strip()] == [
+    picture = capture.get().split("\n")
+    assert [text.strip() for text in picture if text.strip()] == [
         "picture",
         *(f"line {number}" for number in range(8, LINES_SHOWN + 8)),
     ]
@@ -148,25 +146,16 @@ def test_what_was_not_reported_is_said_and_no_loss() -> None:
 
 
 def test_a_sensor_that_fails_says_so() -> None:
-    monitor = RunMonitor()
     failing = {"readings": 7, "fault_stuck": 1, "fault_bias": 1}
-    for name, counters in (("rover/imu", failing), ("rover/lidar", {"readings": 9})):
-        monitor.update(Health(name, 1, 400, counters), 0.0)
-    console = Console(width=PLAIN_WIDTH, file=io.StringIO())
-    children = [Child("rover/imu", []), Child("rover/lidar", [])]
-    with console.capture() as capture:
-        console.print(dashboard("lab", monitor, children))
-    picture = capture.get()
+    picture = shown(
+        Health("rover/imu", 1, 400, failing), Health("rover/lidar", 1, 400, {"readings": 9})
+    )
     assert "rover/imu: stuck, bias" in line(picture, "rover/imu")
     assert ":" not in line(picture, "rover/lidar")
 
 
 def test_a_sensor_that_misses_readings_says_why() -> None:
-    monitor = RunMonitor()
     counters = {"readings": 7, "gap_overloaded": 12, "gap_not there": 3}
-    monitor.update(Health("rover/camera", 1, 400, counters), 0.0)
-    console = Console(width=PLAIN_WIDTH, file=io.StringIO())
-    with console.capture() as capture:
-        console.print(dashboard("lab", monitor, [Child("rover/camera", [])]))
-    cells = [cell.strip() for cell in line(capture.get(), "rover/camera").split("│")]
+    picture = shown(Health("rover/camera", 1, 400, counters))
+    cells = [cell.strip() for cell in line(picture, "rover/camera").split("│")]
     assert cells[4:6] == ["12 overloaded, 3 not there", "readings 7"]

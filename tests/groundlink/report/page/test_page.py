@@ -16,7 +16,9 @@ from groundlink.report.analysis.diagnostics import (
     SensorFaultHistory,
     StreamHistory,
 )
+from groundlink.report.analysis.energy import Energy
 from groundlink.report.analysis.gather import RunSummary
+from groundlink.report.analysis.motion import VehicleMotion
 from groundlink.report.page.html import Markup, section, table, text
 from groundlink.report.page.page import page
 from groundlink.scenario.faults import Off, Stuck
@@ -136,13 +138,7 @@ def test_the_same_run_is_the_same_page(recording: Path, content: str) -> None:
 
 
 def test_what_a_run_did_not_have_is_not_there(gathered: RunSummary) -> None:
-    from dataclasses import replace as changed
-
-    from groundlink.report.analysis.diagnostics import RunDiagnostics
-    from groundlink.report.analysis.energy import Energy
-    from groundlink.report.analysis.motion import VehicleMotion
-
-    bare = changed(
+    bare = dataclasses.replace(
         gathered,
         motions=[VehicleMotion("rover", 1)],
         energies=[Energy("rover", 1)],
@@ -178,19 +174,6 @@ def test_the_command_writes_beside_the_recording(
     assert (tmp_path / "run.html").read_text(encoding="utf-8").startswith("<!doctype html>")
     assert main(["report", str(file), "--out", str(tmp_path / "none" / "x.html")]) == 2
     assert "no such file" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("content", [None, b"", b"not mcap"])
-def test_a_file_that_is_no_recording_is_one_line(
-    tmp_path: Path, content: bytes | None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = tmp_path / "odd.mcap"
-    if content is not None:
-        file.write_bytes(content)
-    assert main(["report", str(file)]) == 2
-    error = capsys.readouterr().err
-    assert str(file) in error
-    assert error.count("\n") == 1
 
 
 def test_faults_have_a_section_where_there_were_some(gathered: RunSummary) -> None:
