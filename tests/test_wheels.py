@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+import zipfile
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
@@ -122,6 +123,20 @@ def test_every_command_works_or_names_its_extra(
         if code == 3:  # Another extra may bring enough of the packages.
             assert said.count("\n") == 1 + command.startswith("world import"), where
             assert f"pip install 'groundlink[{needed}]'" in said, where
+
+
+def test_the_wheel_brings_every_data_file(wheels: list[Path]) -> None:
+    own = next(wheel for wheel in wheels if wheel.name.startswith("groundlink"))
+    sources = {".py", ".pyc", ".c", ".h", ".so"}
+    expected = {
+        file.relative_to(REPOSITORY).as_posix()
+        for folder in ("groundlink", "services")
+        for pattern in ("*", "shipped/**/*")
+        for file in (REPOSITORY / folder).rglob(pattern)
+        if file.is_file() and file.suffix not in sources
+    }
+    assert {"page.html", "lab.yaml", "surface.frag"} <= {Path(file).name for file in expected}
+    assert expected - set(zipfile.ZipFile(own).namelist()) == set()
 
 
 def test_every_extra_and_every_process_is_tried() -> None:

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, TypeVar
 from groundlink.core.errors import RequirementError
 from groundlink.core.extras import needs
 
+from .shaders import shader
+
 if TYPE_CHECKING:
     import moderngl
 
@@ -25,10 +27,6 @@ _ADVICE = f"install Debian's {PACKAGES}, or the GPU's own EGL driver"
 
 ANISOTROPY = 8.0
 """Anisotropy on a GPU. On a CPU it costs several times as much as everything else."""
-
-_VERTEX = """#version 330
-void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }
-"""
 
 _FRAGMENT = """#version 330
 layout(location = 0) out vec4 color;
@@ -96,7 +94,7 @@ def _draws(context: moderngl.Context) -> bool:
     size = (8, 8)
     color, depth = context.texture(size, 3), context.texture(size, 1, dtype="f4")
     frame = context.framebuffer([color, depth])
-    program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
+    program = context.program(vertex_shader=shader("screen.vert"), fragment_shader=_FRAGMENT)
     frame.use()
     context.vertex_array(program, []).render(vertices=3)
     drawn = frame.read(components=3, alignment=1)

@@ -13,6 +13,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from .shaders import shader
+
 Layer = Literal["color", "depth", "labels"]
 
 COLOR_ALONE: tuple[Layer, ...] = ("color",)
@@ -24,26 +26,6 @@ to four samples."""
 
 MOST_AT_ONCE = 4
 """Samples of a rendered pixel that OpenGL 3.3 guarantees."""
-
-_VERTEX = """#version 330
-void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }
-"""
-
-_RESOLVE = """#version 330
-uniform sampler2DMS drawn;
-layout(location = 0) out vec4 color;
-
-void main() {
-    ivec2 first = FINER * ivec2(gl_FragCoord.xy);
-    vec3 light = vec3(0.0);
-    for (int y = 0; y < FINER; ++y) for (int x = 0; x < FINER; ++x) for (int i = 0; i < 4; ++i) {
-        vec3 root = texelFetch(drawn, first + ivec2(x, y), i).rgb;
-        light += root * root;
-    }
-    color = vec4(sqrt(light / float(4 * FINER * FINER)), 1.0);
-}
-"""
-"""Colors are square roots of light, see `programs`."""
 
 
 @dataclass(frozen=True)
@@ -86,15 +68,13 @@ class ColorTarget:
         if at_once:
             self._read = context.framebuffer([context.texture((width, height), 4)])
             resolve = context.program(
-                vertex_shader=_VERTEX,
-                fragment_shader=_RESOLVE.replace("FINER", str(finer)),
+                vertex_shader=shader("screen.vert"),
+                fragment_shader=shader("resolve.frag", FINER=finer),
             )
             self._resolve = context.vertex_array(resolve, [])
         self._color = np.empty((height, width, 3), np.uint8)
 
-    def begin(
-        self,
-    ) -> None:  # Clear the depth. The sky covers all that nothing else covers.
+    def begin(self) -> None:
         """Clear the depth. Colors need no clearing: the sky covers what nothing else covers."""
         self._frame.use()
         self._frame.clear()

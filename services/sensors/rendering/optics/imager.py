@@ -2,7 +2,7 @@
 """Image sensor: shot noise, read noise, black level, full scale.
 
 Noise acts on linear light, because electrons are counted before coding: a coded value is squared,
-noise is added, and the square root is taken (see `programs.DEVELOPED`; the renderer's tone curve
+noise is added, and the square root is taken (see `developed.glsl`; the renderer's tone curve
 counts as the sensor's own). Each pixel has its own noise after the color filter; red, green and
 blue pictures are read as if there were three sensors.
 

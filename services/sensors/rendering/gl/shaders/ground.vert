@@ -1,13 +1,11 @@
-# SPDX-License-Identifier: Apache-2.0
-"""GLSL that places the vertices of a terrain; used with `surface_shader.FRAGMENT` and GROUND.
+// SPDX-License-Identifier: Apache-2.0
+// Places the vertices of a terrain; used with surface.frag and GROUND.
+//
+// Heights are in a texture, and a vertex is a row and a column of it, so adjacent patches have
+// identical vertices. Positions are computed relative to the eye, so they are exact far from the
+// world's origin. A skirt of one pixel surrounds each patch: the largest gap between the edges of a
+// coarse patch and of a fine patch.
 
-Heights are in a texture, and a vertex is a row and a column of it, so adjacent patches have
-identical vertices. Positions are computed relative to the eye, so they are exact far from the
-world's origin. A skirt of one pixel surrounds each patch: the largest gap between the edges of a
-coarse patch and of a fine patch.
-"""
-
-VERTEX = """
 uniform mat4 clip_from_turned;
 uniform vec3 eye;
 uniform vec3 forward;
@@ -36,4 +34,3 @@ void main() {
     for (int i = 0; i < LIGHTS; ++i) in_shadow_map[i] = shadow_from_world[i] * world;
     gl_Position = clip_from_turned * vec4(seen, 1.0);
 }
-"""

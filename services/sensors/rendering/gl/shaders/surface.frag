@@ -1,47 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
-"""GLSL that draws surfaces.
+// SPDX-License-Identifier: Apache-2.0
+// Draws surfaces. Colors are linear until the last line. Attributes are interpolated where the
+// triangle covers the pixel (`centroid`), because the center of a pixel may lie beyond a horizon.
+// Lighting is diffuse: mirrors and gloss are not modeled.
+//
+// TRUTH: depth and labels instead of colors. GROUND: terrain instead of meshes; number of its
+// materials. BUMPS: normal maps. LIGHTS: number of lights, which are the SUN or lamps. MAPS: number
+// of shadow maps. WINDOW: the last one is around the eye. FOG: there is fog.
 
-Expensive features are compiled in only where needed, see `programs.Options`. With TRUTH the shader
-writes depth and labels instead of color. Colors are linear until the last line. Attributes are
-interpolated where the triangle covers the pixel (`centroid`), because the center of a pixel may lie
-beyond a horizon. Lighting is diffuse: mirrors and gloss are not modeled.
-"""
-
-VERTEX = """
-uniform mat4 clip_from_turned;  // projection and rotation: positions come relative to the eye
-uniform vec3 eye;
-uniform vec3 forward;
-uniform mat4 shadow_from_world[LIGHTS];
-in vec3 position;
-in vec3 normal;
-in vec2 uv;
-in vec3 tint;
-in int label;
-in mat4 world_from_link;
-in int vehicle;
-centroid out vec3 seen;  // from the eye
-centroid out vec3 outwards;
-centroid out vec2 place;
-out vec3 paint;
-out float ahead_m;
-centroid out vec4 in_shadow_map[LIGHTS];
-flat out int thing;
-
-void main() {
-    vec4 world = world_from_link * vec4(position, 1.0);
-    seen = world.xyz - eye;
-    outwards = mat3(world_from_link) * normal;
-    place = uv;
-    paint = tint;
-    ahead_m = dot(forward, seen);
-    thing = label + vehicle;
-    for (int i = 0; i < LIGHTS; ++i) in_shadow_map[i] = shadow_from_world[i] * world;
-    gl_Position = clip_from_turned * vec4(seen, 1.0);
-}
-"""
-
-FRAGMENT = """
 #ifdef GROUND
+// Bias of the mipmap level for patterns of the ground. The camera looks along the ground, while
+// mipmap levels assume a perpendicular view.
+const float SHARPER = -0.7;
+
 uniform sampler2D cells;  // roots of colors, and the share of the sun's light
 uniform usampler2D kinds;  // materials of cells
 uniform sampler2DArray patterns;
@@ -80,7 +50,9 @@ void main() {
 #else
 layout(location = 0) out vec4 color;
 
-DEVELOPED;
+const float LAMP_RADIUS_M = 0.2;
+
+#include "developed.glsl"
 
 float lit(int i) {
     // Beyond its map's edge a lamp's light comes in so flat that only what is higher is there.
@@ -157,4 +129,3 @@ void main() {
     color = vec4(developed(c), 1.0);
 }
 #endif
-"""
