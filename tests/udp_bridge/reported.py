@@ -82,7 +82,7 @@ def by_python(arrivals: list[Arrival], receive_buffer: int, *, drops: bool = Tru
 
 
 def journey(seed: int) -> list[Arrival]:
-    """Return what arrives of some senders over networks that lose, copy, delay and damage."""
+    """Return what arrives of some senders over networks that lose, copy and delay."""
     rng = random.Random(seed)
     rows: list[tuple[float, int, bytes]] = []
     for sender in (1, 2):
@@ -104,6 +104,24 @@ def journey(seed: int) -> list[Arrival]:
     return [(round(at * SECOND), sender, datagram) for at, sender, datagram in rows]
 
 
+def damaged(arrivals: list[Arrival], seed: int) -> list[Arrival]:
+    """Return arrivals of which every fourth has a flipped bit, or more or fewer bytes."""
+    rng = random.Random(seed)
+    found = []
+    for now, sender, datagram in arrivals:
+        damage = rng.choice(["", "", "", "", "", "", "flipped", "flipped", "longer", "shorter"])
+        if damage == "flipped" and datagram:  # not its type, which receivers need not know
+            at = rng.randrange(1, min(30, len(datagram)))
+            flipped = datagram[at] ^ 1 << rng.randrange(8)
+            datagram = datagram[:at] + bytes([flipped]) + datagram[at + 1 :]
+        elif damage == "longer":
+            datagram += b"more"
+        elif damage == "shorter":
+            datagram = datagram[: rng.randrange(len(datagram) + 1)]
+        found.append((now, sender, datagram))
+    return found
+
+
 def controls() -> list[Arrival]:
     """Return Control datagrams whose bodies are at their bounds and beyond."""
     report = TopicReport(1, 0, 5, 10, 1, 2, 3, 4, 0, 0, 0, 9, 1, 2, 3, 4, 5)
@@ -118,21 +136,7 @@ def controls() -> list[Arrival]:
                 bodies.append(report._replace(**{name: value + more}).pack())
     reasons = tuple((chr(97 + i % 26) * (1 + i), i) for i in range(32))
     links = [LinkReport(1, 2, 3, 4, 5, reasons[:count]).pack() for count in (0, 1, 2, 31, 32)]
-    names = [
-        b"",
-        b"a" * 32,
-        b"a" * 33,
-        b"A",
-        b"a b",
-        b"`",
-        b"{",
-        b"/",
-        b":",
-        b"0",
-        b"9",
-        b"z",
-        b"_",
-    ]
+    names = [b"", b"a" * 32, b"a" * 33, b"a b", *(bytes([byte]) for byte in b"A`{/:09z_")]
     links += [links[0] + bytes(8) + bytes([len(name)]) + name for name in names]
     links += [links[-1] + bytes(8), links[4] + bytes(8) + b"\1a", links[0] + bytes(8) + b"\2a"]
     bodies += links
