@@ -34,12 +34,15 @@ def credit(number: int, part: int = 3, *, topic: str = "/image", msg_type: int =
 
 
 @pytest.fixture
-def ends() -> Iterator[tuple[socket.socket, UdpSocket]]:
+def receiver() -> Iterator[UdpSocket]:
     receiver = UdpSocket(LOCAL, receive_buffer=4 << 20, wait_s=0.05)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
-        peer.bind(LOCAL)
-        yield peer, receiver
+    yield receiver
     receiver.close()
+
+
+@pytest.fixture
+def peer(stranger: socket.socket) -> socket.socket:
+    return stranger
 
 
 def taken(receiver: UdpSocket | PeerFilter) -> list[PartBatch]:
@@ -56,9 +59,8 @@ def strays(found: list[PartBatch]) -> list[bytes]:
 
 @needs_many
 def test_credits_of_the_current_topic_are_kept_and_counted(
-    ends: tuple[socket.socket, UdpSocket],
+    peer: socket.socket, receiver: UdpSocket
 ) -> None:
-    peer, receiver = ends
     assert receiver.credit_store.keep(peer.getsockname(), credit(0)) == []
     sent = [credit(number) for number in range(5)]
     for raw in sent:
@@ -76,8 +78,7 @@ def test_credits_of_the_current_topic_are_kept_and_counted(
 
 
 @needs_many
-def test_an_awaited_credit_is_handed_over(ends: tuple[socket.socket, UdpSocket]) -> None:
-    peer, receiver = ends
+def test_an_awaited_credit_is_handed_over(peer: socket.socket, receiver: UdpSocket) -> None:
     receiver.credit_store.keep(peer.getsockname(), credit(0))
     receiver.credit_store.collect(True)
     peer.sendto(credit(1), receiver.address)
@@ -116,9 +117,8 @@ def parts_at(peer: socket.socket) -> list[tuple[int, bytes]]:
 
 @needs_many
 def test_a_delegated_send_continues_as_credits_arrive(
-    ends: tuple[socket.socket, UdpSocket],
+    peer: socket.socket, receiver: UdpSocket
 ) -> None:
-    peer, receiver = ends
     queue = SendQueue(peer.getsockname(), "loopback")
     mailbox = delegated(queue, receiver)
     window = queue.flow.window
@@ -151,9 +151,8 @@ def test_a_delegated_send_continues_as_credits_arrive(
 @needs_many
 @pytest.mark.parametrize("wrong", [(1, 3, 4 << 20), (0, 200, 4 << 20), (0, 3, 1 << 20)])
 def test_credits_that_make_no_room_for_a_delegated_send_are_handed_over(
-    ends: tuple[socket.socket, UdpSocket], wrong: tuple[int, int, int]
+    peer: socket.socket, receiver: UdpSocket, wrong: tuple[int, int, int]
 ) -> None:
-    peer, receiver = ends
     queue = SendQueue(peer.getsockname(), "loopback")
     mailbox = delegated(queue, receiver)
     number, part, buffer = wrong
@@ -169,8 +168,9 @@ def test_credits_that_make_no_room_for_a_delegated_send_are_handed_over(
 
 
 @needs_many
-def test_credits_beyond_the_mailbox_are_handed_over(ends: tuple[socket.socket, UdpSocket]) -> None:
-    peer, receiver = ends
+def test_credits_beyond_the_mailbox_are_handed_over(
+    peer: socket.socket, receiver: UdpSocket
+) -> None:
     receiver.credit_store.keep(peer.getsockname(), credit(0))
     for number in range(70):
         peer.sendto(credit(number), receiver.address)
@@ -191,8 +191,7 @@ FREE_OF_BODY = {2, 3, 4, 5, 6, 7, 8, 9, 10, 11}
 
 
 @needs_many
-def test_what_is_no_such_credit_is_handed_over(ends: tuple[socket.socket, UdpSocket]) -> None:
-    peer, receiver = ends
+def test_what_is_no_such_credit_is_handed_over(peer: socket.socket, receiver: UdpSocket) -> None:
     receiver.credit_store.keep(peer.getsockname(), credit(0))
     right = credit(1)
     body_at = len(right) - 12
@@ -215,10 +214,7 @@ def test_what_is_no_such_credit_is_handed_over(ends: tuple[socket.socket, UdpSoc
 
 
 @needs_many
-def test_credits_of_strangers_are_refused(
-    ends: tuple[socket.socket, UdpSocket],
-) -> None:
-    peer, receiver = ends
+def test_credits_of_strangers_are_refused(peer: socket.socket, receiver: UdpSocket) -> None:
     around = PeerFilter(receiver, [TO])
     around.credit_store.keep(peer.getsockname(), credit(0))
     peer.sendto(credit(1), receiver.address)
