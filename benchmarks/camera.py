@@ -14,10 +14,11 @@ machine disturbs least; `wall_ratio` compares elapsed time.
 
 import argparse
 import importlib.util
-import subprocess
+import multiprocessing
 import sys
 import time
 from collections.abc import Callable
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +48,6 @@ from .lidar.driving import link_poses
 LAB = Path(__file__).parents[1] / "scenarios" / "indoor_lab.yaml"
 TICKS_A_PICTURE = 40
 WARM_UP = 2
-TOOK = "took:"
 WAYS = ("groundlink", "groundlink_jagged", "groundlink_jpeg", "groundlink_lens", "tiny", "egl")
 GOALS = {
     ("groundlink_jagged", "tiny"): 6.0,
@@ -205,42 +205,13 @@ def painter(way: str, size: tuple[int, int]) -> Callable[[int], None]:
     return lambda number: rival.picture(number, pybullet.ER_BULLET_HARDWARE_OPENGL, shadow=0)
 
 
-def paint(way: str, size: tuple[int, int]) -> None:
-    """Draw a picture for each number on stdin, and print the elapsed and the processor time."""
+def paint(way: str, size: tuple[int, int], pipe: Connection) -> None:
+    """Draw a picture for each number from a pipe; reply with the elapsed and the processor time."""
     picture = painter(way, size)
-    for line in sys.stdin:
+    while (number := pipe.recv()) is not None:
         started = clocks()
-        picture(int(line))
-        print(TOOK, *(clocks() - started), flush=True)
-
-
-class Painter:
-    """Process with one of the renderers."""
-
-    def __init__(self, way: str, size: str) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "benchmarks.camera", "--way", way, "--size", size],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._asked, self._told = self._process.stdin, self._process.stdout
-
-    def picture(self, number: int) -> Floats:
-        """Return the elapsed and the processor time of a picture, in milliseconds."""
-        print(number, file=self._asked, flush=True)
-        for line in self._told:
-            _, told, figures = line.partition(TOOK)  # PyBullet prints to stdout, too
-            if told:
-                return np.array([float(word) for word in figures.split()])
-        raise SystemExit("a painter has ended; see its last line")
-
-    def end(self) -> None:
-        """Stop the process."""
-        self._asked.close()
-        self._process.wait(5)
+        picture(number)
+        pipe.send(clocks() - started)
 
 
 def main() -> int:
@@ -249,19 +220,22 @@ def main() -> int:
     add_options(parser)
     parser.add_argument("--size", default="1280x720", metavar="WxH")
     parser.add_argument("--rounds", type=int, default=9)
-    parser.add_argument("--way", choices=WAYS, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.way:
-        width, height = (int(word) for word in options.size.split("x"))
-        paint(options.way, (width, height))
-        return 0
-    painters = {way: Painter(way, options.size) for way in WAYS}
+    width, height = (int(word) for word in options.size.split("x"))
+    context = multiprocessing.get_context("spawn")
+    pipes: dict[str, Connection] = {}
+    for way in WAYS:
+        pipes[way], there = context.Pipe()
+        arguments = (way, (width, height), there)
+        context.Process(target=paint, args=arguments, daemon=True).start()
+        there.close()  # so that the end of the process is noticed
     spent: dict[str, list[Floats]] = {way: [] for way in WAYS}
     for number in range(options.rounds + WARM_UP):
-        for way, one in painters.items():
-            spent[way].append(one.picture(number))
-    for one in painters.values():
-        one.end()
+        for way, pipe in pipes.items():
+            pipe.send(number)
+            spent[way].append(pipe.recv())
+    for pipe in pipes.values():
+        pipe.send(None)
     medians = {way: np.median(times[WARM_UP:], axis=0) for way, times in spent.items()}
     print(f"camera {options.size}, color and depth, {options.rounds} pictures each")
     for way, (wall_ms, cpu_ms) in medians.items():

@@ -3,18 +3,20 @@
 
 A synthetic room that resembles a phone scan: walls and floor are uneven by millimeters, glass and
 dark corners are holes, there is no ceiling, and one image textures all surfaces. Writes
-`scenarios/worlds/scanned_room.glb` (CC0 1.0). The same numpy version writes the same bytes.
+`scenarios/worlds/scanned_room.glb` (CC0 1.0). The same versions of NumPy and Pillow write the same
+bytes.
 """
 
+import io
 import json
 import struct
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 FILE = Path(__file__).parents[1] / "scenarios" / "worlds" / "scanned_room.glb"
 
@@ -99,8 +101,7 @@ def sheets() -> list[Sheet]:
 def mesh() -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint16]]:
     """Return vertices, shape (V, 3), z up; texture coordinates, (V, 2); and faces, (F, 3)."""
     generator = np.random.default_rng(SEED)
-    vertices, places, faces = [], [], []
-    count = 0
+    vertices, places = [], []
     for sheet in sheets():
         columns, rows = (round(length / CELL_M) for length in sheet.size_m)
         row, column = np.indices((rows + 1, columns + 1))
@@ -120,22 +121,18 @@ def mesh() -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint16]
             )
             kept &= ~(beyond < 0) & ~((beyond < 1.5 * CELL_M) & ragged)
         # Cells do not share vertices because the pattern restarts where it repeats.
-        for r, c in np.argwhere(kept).tolist():
-            corners = at[[r, r, r + 1, r + 1], [c, c + 1, c + 1, c]]
-            per = round(sheet.repeats_m / CELL_M)
-            u = (np.array([0, 1, 1, 0]) + c % per) / per
-            v = 1 - (np.array([0, 0, 1, 1]) + r % per) / per
-            inset = 0.5 / TEXELS  # avoids bleeding from neighboring quarters
-            u, v = (inset + axis * (0.5 - 2 * inset) for axis in (u, v))
-            vertices.append(corners)
-            places.append(np.stack([sheet.quarter[0] + u, sheet.quarter[1] + v], axis=1))
-            faces += [(count, count + 1, count + 2), (count, count + 2, count + 3)]
-            count += 4
-    return (
-        np.concatenate(vertices).astype(np.float32),
-        np.concatenate(places).astype(np.float32),
-        np.array(faces, np.uint16),
-    )
+        r, c = (index[:, None] for index in np.nonzero(kept))
+        across, above = np.array([0, 1, 1, 0]), np.array([0, 0, 1, 1])
+        per = round(sheet.repeats_m / CELL_M)
+        inset = 0.5 / TEXELS  # avoids bleeding from neighboring quarters
+        u, v = (across + c % per) / per, 1 - (above + r % per) / per
+        u, v = (inset + axis * (0.5 - 2 * inset) for axis in (u, v))
+        vertices.append(at[r + above, c + across].reshape(-1, 3))
+        places.append(np.stack([sheet.quarter[0] + u, sheet.quarter[1] + v], axis=-1))
+    corners = np.concatenate(vertices).astype(np.float32)
+    first = np.arange(0, len(corners), 4)[:, None, None]
+    faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3).astype(np.uint16)
+    return corners, np.concatenate(places).reshape(-1, 2).astype(np.float32), faces
 
 
 def picture() -> NDArray[np.uint8]:
@@ -173,34 +170,19 @@ def glb() -> bytes:
         for offset, part in zip(offsets, parts, strict=False)
     ]
     low, high = turned.min(axis=0).tolist(), turned.max(axis=0).tolist()
+    attributes = {"POSITION": 0, "TEXCOORD_0": 1}
+    position = {"bufferView": 0, "componentType": 5126, "count": len(turned), "type": "VEC3"}
     content = {
         "asset": {"version": "2.0", "copyright": "CC0 1.0", "generator": "tools.scanned_room"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0}],
-        "meshes": [
-            {
-                "primitives": [
-                    {
-                        "attributes": {"POSITION": 0, "TEXCOORD_0": 1},
-                        "indices": 2,
-                        "material": 0,
-                    }
-                ]
-            }
-        ],
+        "meshes": [{"primitives": [{"attributes": attributes, "indices": 2, "material": 0}]}],
         "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
         "textures": [{"source": 0}],
         "images": [{"bufferView": 3, "mimeType": "image/png"}],
         "accessors": [
-            {
-                "bufferView": 0,
-                "componentType": 5126,
-                "count": len(turned),
-                "type": "VEC3",
-                "min": low,
-                "max": high,
-            },
+            {**position, "min": low, "max": high},
             {"bufferView": 1, "componentType": 5126, "count": len(places), "type": "VEC2"},
             {"bufferView": 2, "componentType": 5123, "count": faces.size, "type": "SCALAR"},
         ],
@@ -217,14 +199,9 @@ def glb() -> bytes:
 
 def png(pixels: NDArray[np.uint8]) -> bytes:
     """Encode pixels, shape (H, W, 3), as PNG."""
-    height, width = pixels.shape[:2]
-    rows = b"".join(b"\0" + row.tobytes() for row in pixels)
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    chunks = [(b"IHDR", header), (b"IDAT", zlib.compress(rows, 9)), (b"IEND", b"")]
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-        for kind, body in chunks
-    )
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, "PNG", compress_level=9)
+    return file.getvalue()
 
 
 def _smooth(generator: np.random.Generator, rows: int, columns: int) -> Floats:

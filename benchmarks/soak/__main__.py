@@ -12,10 +12,12 @@ counts are compared with the relay's.
 
 import argparse
 import itertools
+import statistics
 import sys
 import threading
 import time
 from collections import Counter
+from typing import NamedTuple
 
 from udp_bridge.sender.delivery_counts import DeliveryCounts
 
@@ -29,7 +31,6 @@ from .endpoints import (
     SendingEndpoint,
 )
 from .lossy_relay import LossyRelay, ReferenceCounts
-from .memory import Sample, check_memory
 
 LOSS = DUPLICATES = 0.02
 REPORT_SECONDS = 2.5
@@ -37,6 +38,20 @@ REPORT_SECONDS = 2.5
 second, and one may be lost."""
 DRAIN_SECONDS = 12.0
 """Longest time until nothing is in flight: 2 s until the receiver gives up, 4 s until settled."""
+WARM_UP = 0.3
+"""Share of the time in which memory may grow, because buffers are allocated on first use."""
+FLAT_KB_PER_MINUTE = 150.0
+"""Largest accepted slope of resident memory: 1 MB in 7 minutes, the noise of the heap."""
+MINIMUM_MINUTES = 10.0
+"""In a shorter test the heap's steps look like a slope."""
+
+
+class Sample(NamedTuple):
+    """Resident memory of an endpoint."""
+
+    end: str
+    seconds: float
+    kb: float
 
 
 class Soak:
@@ -249,6 +264,29 @@ def soak(minutes: float, seed: int) -> Soak:
         watching.join()
         run.close()
     return run
+
+
+def check_memory(memory: list[Sample], minutes: float) -> tuple[list[str], list[str]]:
+    """Return a line about the memory of each endpoint, and one about each that grows.
+
+    It has to be flat: the slope is that of a least-squares line after the warm-up.
+    """
+    lines, growing = [], []
+    for end in sorted({row.end for row in memory}):
+        samples = [(row.seconds, row.kb) for row in memory if row.end == end]
+        settled = [row for row in samples if row[0] >= WARM_UP * samples[-1][0]]
+        slope = 60 * statistics.linear_regression(*zip(*settled, strict=True)).slope
+        if minutes >= MINIMUM_MINUTES and slope > FLAT_KB_PER_MINUTE:
+            growing.append(f"{end}: memory grows by {slope:.0f} kB a minute")
+        sizes = [kb / 1024 for _, kb in settled]
+        third = max(1, len(sizes) // 3)
+        seconds = settled[-1][0] - settled[0][0]
+        lines.append(
+            f"memory of the {end}: {slope:+.1f} kB a minute over {seconds:.0f} s; "
+            f"{min(sizes):.1f} to {max(sizes):.1f} MB, in the first third "
+            f"{sum(sizes[:third]) / third:.2f} MB, in the last {sum(sizes[-third:]) / third:.2f} MB"
+        )
+    return lines, growing
 
 
 def main() -> int:

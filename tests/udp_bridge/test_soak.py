@@ -3,8 +3,7 @@
 
 import pytest
 
-from benchmarks.soak.__main__ import soak
-from benchmarks.soak.memory import MINIMUM_MINUTES, Sample, check_memory
+from benchmarks.soak.__main__ import MINIMUM_MINUTES, Sample, check_memory, soak
 
 
 def test_sums_add_up_through_loss_kills_and_restarts() -> None:
