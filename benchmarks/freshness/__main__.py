@@ -12,13 +12,16 @@ packets, because it does not fit into 255 of them; a single message would cause 
 import argparse
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 from groundlink.emulation import Impairment
 from udp_bridge.sender.repair import parse_mode
+from udp_bridge.wire.fragments import DatagramSize
 
 from . import bridge_ages, tcp_ages
+from .bridge_ages import Traffic
 from .tcp_ages import Arrival
 from .two_hosts import NotAllowed
 
@@ -69,40 +72,31 @@ def at(values: list[float], share: float) -> float:
 def ways(seconds: float) -> dict[str, Callable[[], list[Arrival]]]:
     """Return every way to send by its name; the first is the one that is compared."""
 
-    def ours(datagram: str, mode: object) -> Callable[[], list[Arrival]]:
-        return lambda: bridge_ages.measure(
-            LINK,
-            size=SIZE,
-            rate_hz=RATE_HZ,
-            seconds=seconds,
-            datagram=datagram,
-            mode=parse_mode(mode),
-        )
-
-    def ours_in_packets(mode: object, blocks: int) -> Callable[[], list[Arrival]]:
-        return lambda: bridge_ages.measure_packets(
-            LINK,
-            size=SIZE,
-            rate_hz=RATE_HZ,
-            seconds=seconds,
-            datagram="mtu",
-            mode=parse_mode(mode),
-            mtu=ETHERNET_MTU,
-            blocks=blocks,
-        )
+    def ours(
+        mode: object, datagram: DatagramSize = "loopback", blocks: int = 1
+    ) -> Callable[[], list[Arrival]]:
+        traffic = Traffic(SIZE, RATE_HZ, seconds, datagram, parse_mode(mode), blocks)
+        if datagram == "loopback":
+            return partial(bridge_ages.measure, LINK, traffic)
+        return partial(bridge_ages.measure_packets, LINK, traffic, mtu=ETHERNET_MTU)
 
     def tcp(congestion: str, mtu: int) -> Callable[[], list[Arrival]]:
-        return lambda: tcp_ages.measure(
-            LINK, size=SIZE, rate_hz=RATE_HZ, seconds=seconds, congestion=congestion, mtu=mtu
+        return partial(
+            *(tcp_ages.measure, LINK),
+            size=SIZE,
+            rate_hz=RATE_HZ,
+            seconds=seconds,
+            congestion=congestion,
+            mtu=mtu,
         )
 
     return {
-        "UDP Bridge, fec 20 %": ours("loopback", {"fec": 0.2}),
-        "UDP Bridge, resend": ours("loopback", "resend"),
-        "UDP Bridge, no repair": ours("loopback", "none"),
-        "UDP Bridge, fec 20 %, Ethernet": ours_in_packets({"fec": 0.2}, BLOCKS),
-        "UDP Bridge, resend, Ethernet": ours_in_packets("resend", BLOCKS),
-        "UDP Bridge, resend, IP fragments": ours_in_packets("resend", 1),
+        "UDP Bridge, fec 20 %": ours({"fec": 0.2}),
+        "UDP Bridge, resend": ours("resend"),
+        "UDP Bridge, no repair": ours("none"),
+        "UDP Bridge, fec 20 %, Ethernet": ours({"fec": 0.2}, "mtu", BLOCKS),
+        "UDP Bridge, resend, Ethernet": ours("resend", "mtu", BLOCKS),
+        "UDP Bridge, resend, IP fragments": ours("resend", "mtu"),
         "TCP, CUBIC, Ethernet": tcp("cubic", ETHERNET_MTU),
         "TCP, CUBIC, 64 kB packets": tcp("cubic", LARGEST_MTU),
         "TCP, BBR, Ethernet": tcp("bbr", ETHERNET_MTU),

@@ -7,12 +7,12 @@ measured on, which loses IP packets: there a datagram is lost with any of its fr
 """
 
 import multiprocessing
-import os
 import signal
 import subprocess
 import sys
 import time
 from collections import Counter
+from typing import NamedTuple
 
 from groundlink.emulation import Impairment
 from udp_bridge import Link, Message
@@ -20,28 +20,30 @@ from udp_bridge.sender.repair import Mode
 from udp_bridge.wire.fragments import DatagramSize
 from udp_bridge.wire.message import Address
 
-from .tcp_ages import ROW, Arrival
-from .two_hosts import HOSTS, run
+from .tcp_ages import BEGIN_S, PORT, Arrival, OnArrival, between_hosts
+from .two_hosts import HOSTS
 
 MSG_TYPE, TOPIC = 1, "/points"
-PORT = 5000
-_BEGIN_S = 0.5
-"""For the receiver to be there before anything is sent."""
+LOCAL = ("127.0.0.1", 0)
 _LAST_S = 1.0
 """Wait for what is still being repaired."""
 
 
-def measure(
-    impairment: Impairment,
-    *,
-    size: int,
-    rate_hz: float,
-    seconds: float,
-    datagram: DatagramSize,
-    mode: Mode | None,
-    seed: int = 1,
-) -> list[Arrival]:
-    """Send messages of `size` bytes at a rate for some seconds; return those that arrived."""
+class Traffic(NamedTuple):
+    """What is sent."""
+
+    size: int
+    """Bytes of the data of one instant."""
+    rate_hz: float
+    seconds: float
+    datagram: DatagramSize
+    mode: Mode | None
+    blocks: int = 1
+    """Messages that the data of one instant are sent in; they have arrived with the last one."""
+
+
+def measure(impairment: Impairment, traffic: Traffic, *, seed: int = 1) -> list[Arrival]:
+    """Send messages through the relay; return those that arrived."""
     arrived: list[Arrival] = []
     # Stamps are of the wall clock, ages of the steady one: this is what lies between the two.
     offset = time.time_ns() - time.monotonic_ns()
@@ -50,15 +52,15 @@ def measure(
         if message.msg_type == MSG_TYPE:
             arrived.append(Arrival(message.stamp_nanos - offset, time.monotonic_ns()))
 
-    with Link(("127.0.0.1", 0), on_message=on_message) as receiver:
+    with Link(LOCAL, on_message=on_message) as receiver:
         relay, front = _relay(impairment, receiver.address, seed)
         try:
             # A fresh interpreter: no threads, files or modules of this one.
             sender = multiprocessing.get_context("spawn").Process(
-                target=_send, args=(front, size, rate_hz, seconds, datagram, mode, offset)
+                target=_send, args=(LOCAL, front, traffic, offset)
             )
             sender.start()
-            sender.join(seconds + 30.0)
+            sender.join(traffic.seconds + 30.0)
             sender.kill()
             time.sleep(_LAST_S)
         finally:
@@ -67,55 +69,35 @@ def measure(
     return arrived
 
 
-def measure_packets(
-    impairment: Impairment,
-    *,
-    size: int,
-    rate_hz: float,
-    seconds: float,
-    datagram: DatagramSize,
-    mode: Mode | None,
-    mtu: int,
-    blocks: int = 1,
-) -> list[Arrival]:
+def measure_packets(impairment: Impairment, traffic: Traffic, *, mtu: int) -> list[Arrival]:
     """Do as `measure` does where IP packets of at most `mtu` bytes are lost.
-
-    Parameters
-    ----------
-    blocks
-        Messages that the data of one instant are sent in; they have arrived with the last one.
 
     Raises
     ------
     NotAllowed
         When no network can be made.
     """
-    results, writing = os.pipe()
     offset = time.time_ns() - time.monotonic_ns()
     to = (HOSTS[1], PORT)
 
     def send() -> None:
-        time.sleep(_BEGIN_S)
-        bind = (HOSTS[0], 0)
-        _send(to, size, rate_hz, seconds, datagram, mode, offset, bind=bind, blocks=blocks)
+        time.sleep(BEGIN_S)
+        _send((HOSTS[0], 0), to, traffic, offset)
 
-    came: Counter[int] = Counter()
+    def receive(arrived: OnArrival) -> None:
+        came: Counter[int] = Counter()
 
-    def on_message(message: Message, _: Address) -> None:
-        if message.msg_type == MSG_TYPE:
-            stamp_nanos = message.stamp_nanos - message.body[0] - offset
-            came[stamp_nanos] += 1
-            if came[stamp_nanos] == blocks:
-                os.write(writing, ROW.pack(stamp_nanos, time.monotonic_ns()))
+        def on_message(message: Message, _: Address) -> None:
+            if message.msg_type == MSG_TYPE:
+                stamp_nanos = message.stamp_nanos - message.body[0] - offset
+                came[stamp_nanos] += 1
+                if came[stamp_nanos] == traffic.blocks:
+                    arrived(stamp_nanos)
 
-    def receive() -> None:
         with Link(to, on_message=on_message):
             signal.pause()
 
-    with open(results, "rb") as file:
-        run((send, receive), impairment, mtu=mtu, seconds=_BEGIN_S + seconds + _LAST_S)
-        os.close(writing)
-        return [Arrival(*row) for row in ROW.iter_unpack(file.read())]
+    return between_hosts(send, receive, impairment, mtu, BEGIN_S + traffic.seconds + _LAST_S)
 
 
 def _relay(impairment: Impairment, to: Address, seed: int) -> tuple[subprocess.Popen[str], Address]:
@@ -136,25 +118,15 @@ def _relay(impairment: Impairment, to: Address, seed: int) -> tuple[subprocess.P
     return process, (host, int(port))
 
 
-def _send(
-    to: Address,
-    size: int,
-    rate_hz: float,
-    seconds: float,
-    datagram: DatagramSize,
-    mode: Mode | None,
-    offset: int,
-    *,
-    bind: Address = ("127.0.0.1", 0),
-    blocks: int = 1,
-) -> None:
-    table = {} if mode is None else {(MSG_TYPE, TOPIC): mode}
+def _send(bind: Address, to: Address, traffic: Traffic, offset: int) -> None:
+    key, size, blocks = (MSG_TYPE, TOPIC), traffic.size, traffic.blocks
+    table = {} if traffic.mode is None else {key: traffic.mode}
     bodies = [bytes([block]) + bytes(size // blocks - 1) for block in range(blocks)]
-    waiting = {(MSG_TYPE, TOPIC): size if blocks > 1 else 0}
-    with Link(bind, to, datagram=datagram, repair=table, queue_limits=waiting) as link:
+    waiting = {key: size if blocks > 1 else 0}
+    with Link(bind, to, datagram=traffic.datagram, repair=table, queue_limits=waiting) as link:
         begin = time.monotonic_ns()
-        for index in range(round(seconds * rate_hz)):
-            due = begin + round(index / rate_hz * 1e9)
+        for index in range(round(traffic.seconds * traffic.rate_hz)):
+            due = begin + round(index / traffic.rate_hz * 1e9)
             time.sleep(max(0, due - time.monotonic_ns()) / 1e9)
             for block, body in enumerate(bodies):  # stamps of their own tell them apart
                 link.send(MSG_TYPE, TOPIC, "lidar", due + offset + block, body)

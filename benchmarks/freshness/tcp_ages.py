@@ -10,6 +10,7 @@ import os
 import socket
 import struct
 import time
+from collections.abc import Callable
 from typing import NamedTuple
 
 from groundlink.emulation import Impairment
@@ -18,9 +19,9 @@ from .two_hosts import HOSTS, run
 
 PORT = 5000
 _STAMP = struct.Struct("<Q")
-ROW = struct.Struct("<QQ")
+_ROW = struct.Struct("<QQ")
 """How an `Arrival` is told from process to process."""
-_BEGIN_S = 0.5
+BEGIN_S = 0.5
 """For the receiver to listen and the connection to open."""
 
 
@@ -31,10 +32,18 @@ class Arrival(NamedTuple):
     at_nanos: int
 
 
-def measure(
-    impairment: Impairment, *, size: int, rate_hz: float, seconds: float, congestion: str, mtu: int
+OnArrival = Callable[[int], object]
+"""Called with the stamp of a message that has arrived just now."""
+
+
+def between_hosts(
+    send: Callable[[], None],
+    receive: Callable[[OnArrival], None],
+    impairment: Impairment,
+    mtu: int,
+    seconds: float,
 ) -> list[Arrival]:
-    """Send messages of `size` bytes at a rate for some seconds; return those that arrived.
+    """Run a sender and a receiver on two hosts; return what the receiver tells.
 
     Raises
     ------
@@ -43,16 +52,24 @@ def measure(
     """
     results, writing = os.pipe()
 
-    def send() -> None:
-        _send(size, rate_hz, seconds, congestion)
-
-    def receive() -> None:
-        _receive(size, writing)
+    def arrived(stamp_nanos: int) -> None:
+        os.write(writing, _ROW.pack(stamp_nanos, time.monotonic_ns()))
 
     with open(results, "rb") as file:
-        run((send, receive), impairment, mtu=mtu, seconds=seconds + 2 * _BEGIN_S)
+        run((send, lambda: receive(arrived)), impairment, mtu=mtu, seconds=seconds)
         os.close(writing)
-        return [Arrival(*row) for row in ROW.iter_unpack(file.read())]
+        return [Arrival(*row) for row in _ROW.iter_unpack(file.read())]
+
+
+def measure(
+    impairment: Impairment, *, size: int, rate_hz: float, seconds: float, congestion: str, mtu: int
+) -> list[Arrival]:
+    """Send messages of `size` bytes at a rate for some seconds; return those that arrived."""
+    return between_hosts(
+        lambda: _send(size, rate_hz, seconds, congestion),
+        lambda arrived: _receive(size, arrived),
+        *(impairment, mtu, seconds + 2 * BEGIN_S),
+    )
 
 
 def _send(size: int, rate_hz: float, seconds: float, congestion: str) -> None:
@@ -87,7 +104,7 @@ def _connected(congestion: str) -> socket.socket:
             time.sleep(0.01)
 
 
-def _receive(size: int, results: int) -> None:
+def _receive(size: int, arrived: OnArrival) -> None:
     with socket.create_server((HOSTS[1], PORT)) as server:
         connection, _ = server.accept()
     buffer = bytearray(size)
@@ -98,4 +115,4 @@ def _receive(size: int, results: int) -> None:
             if not more:
                 return
             got += more
-        os.write(results, ROW.pack(*_STAMP.unpack_from(buffer), time.monotonic_ns()))
+        arrived(*_STAMP.unpack_from(buffer))
