@@ -82,7 +82,8 @@ def ways(seconds: float) -> dict[str, Callable[[], list[Arrival]]]:
 
     def tcp(congestion: str, mtu: int) -> Callable[[], list[Arrival]]:
         return partial(
-            *(tcp_ages.measure, LINK),
+            tcp_ages.measure,
+            LINK,
             size=SIZE,
             rate_hz=RATE_HZ,
             seconds=seconds,

@@ -15,9 +15,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from udp_bridge.node.bridge_node import BridgeNode, Settings
+from udp_bridge.node.diagnostics import TOPIC, DiagnosticsPublisher
 
 from . import environment
-from .diagnostics import Ros2Diagnostics
 from .graph import Ros2Graph
 from .publishers import Ros2Publishers
 from .services import Ros2Services
@@ -75,7 +75,13 @@ class Ros2Node(Node):
         except (OSError, ValueError):
             self._leave()
             raise
-        self._diagnostics = Ros2Diagnostics(self, self._bridge.link)
+        self._diagnostics = DiagnosticsPublisher(
+            self._bridge.link,
+            advertise=lambda message_class: self.create_publisher(message_class, TOPIC, 1),
+            stamp=lambda: self.get_clock().now().to_msg(),
+            level=lambda level: bytes([level]),
+            warn=self.get_logger().warning,
+        )
         self._bridge.log_start(f"; {environment.describe(os.environ)}")
         self._run_services = Ros2Services(self, self._bridge.command_client)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Diagnostics of a node: status rows for its topics and its link, without ROS.
+"""Diagnostics of a node: status rows for its topics and its link, and their publisher.
 
 Levels are those of diagnostic_msgs/DiagnosticStatus:
 
@@ -13,15 +13,20 @@ Levels are those of diagnostic_msgs/DiagnosticStatus:
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Callable, Dict, List, Mapping, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
 from udp_bridge.io.link import Link
 from udp_bridge.sender.delivery_counts import DeliveryCounts
 from udp_bridge.wire.control import NO_AGE, TopicReport
 from udp_bridge.wire.types import MSG_TYPES
 
+from .message_class import NotInstalled, message_class
+
+TOPIC = "/diagnostics"
+PERIOD_NANOS = 1_000_000_000
 OK, WARN, ERROR, STALE = 0, 1, 2, 3
 STALE_NANOS = 5_000_000_000
 GOOD_BUFFER_BYTES = 4 << 20
@@ -207,3 +212,72 @@ _CAUSES = ("missing", "incomplete", "late", "dropped")
 
 def _milliseconds(age_nanos: int) -> str:
     return "" if age_nanos == NO_AGE else f"{age_nanos / 1e6:.3f}"
+
+
+class DiagnosticsPublisher:
+    """Publishes a link's counters on `TOPIC` once a second, as DiagnosticArray of either ROS.
+
+    The array has one status for each topic and peer, and one for the link.
+
+    Parameters
+    ----------
+    advertise
+        Returns a publisher of `TOPIC`; called with the message class before the first message.
+    stamp
+        Returns the ROS time as a message.
+    level
+        Returns a level as a DiagnosticStatus of this ROS holds it.
+    warn
+        Called with a line for the log.
+    lost
+        Returns the number of messages of a topic that each subscriber missed.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        *,
+        advertise: Callable[[Any], Any],
+        stamp: Callable[[], Any],
+        level: Callable[[int], Any],
+        warn: Callable[[str], object],
+        lost: Callable[[str], Mapping[str, int]] = lambda _: {},
+    ) -> None:
+        self._link, self._lost = link, lost
+        self._advertise, self._stamp, self._level, self._warn = advertise, stamp, level, warn
+        self._diagnostics = NodeDiagnostics()
+        self._due_nanos: Optional[int] = None
+        self._publisher: Any = None
+
+    def turn(self, now_nanos: int) -> None:
+        """Publish once a second, for the first time one second after the first call."""
+        if self._due_nanos is None:
+            self._due_nanos = now_nanos + PERIOD_NANOS
+        if now_nanos < self._due_nanos:
+            return
+        self._due_nanos = now_nanos + PERIOD_NANOS
+        try:
+            array_class, status_class, pair_class = (
+                message_class(f"diagnostic_msgs/msg/{name}")
+                for name in ("DiagnosticArray", "DiagnosticStatus", "KeyValue")
+            )
+        except NotInstalled:
+            self._warn("diagnostic_msgs is not installed: no /diagnostics")
+            self._due_nanos = sys.maxsize
+            return
+        if self._publisher is None:  # created late, so that it does not delay the first data
+            self._publisher = self._advertise(array_class)
+        host, port = self._link.address
+        message = array_class()
+        message.header.stamp = self._stamp()
+        message.status = [
+            status_class(
+                level=self._level(row.level),
+                name=f"udp_bridge: {row.name}",
+                message=row.message,
+                hardware_id=f"udp_bridge {host}:{port}",
+                values=[pair_class(key=key, value=value) for key, value in row.values.items()],
+            )
+            for row in self._diagnostics.all_of(self._link, now_nanos, lost=self._lost)
+        ]
+        self._publisher.publish(message)

@@ -7,10 +7,11 @@ import time
 from typing import Optional
 
 import rospy
+from diagnostic_msgs.msg import DiagnosticArray
 
 from udp_bridge.node.bridge_node import BridgeNode, Settings
+from udp_bridge.node.diagnostics import TOPIC, DiagnosticsPublisher
 
-from .diagnostics import Ros1Diagnostics
 from .graph import Ros1Graph
 from .publishers import Ros1Publishers
 from .services import Ros1Services
@@ -47,7 +48,16 @@ class Ros1Node:
             *(Settings(**settings), publishers, self._subscriptions, Ros1Graph()),
             wake=self._subscriptions.wake,
         )
-        self._diagnostics = Ros1Diagnostics(self._bridge.link, publishers.lost, time.monotonic_ns())
+        # Created at once, since rospy connects subscribers after some time.
+        diagnostics = rospy.Publisher(TOPIC, DiagnosticArray, queue_size=1)
+        self._diagnostics = DiagnosticsPublisher(
+            self._bridge.link,
+            advertise=lambda _: diagnostics,
+            stamp=rospy.get_rostime,
+            level=int,
+            warn=publishers.get_logger().warning,
+            lost=publishers.lost,
+        )
         self._bridge.log_start()
         self._services = Ros1Services(self._bridge.command_client, publishers.get_logger())
 
