@@ -1,53 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Folders of credentials, and the certificates in them."""
+"""Folders of credentials."""
 
 import datetime
 import json
 from pathlib import Path
 
 import pytest
-from cryptography import x509
-from cryptography.exceptions import InvalidSignature
-from cryptography.x509.oid import NameOID
 
 from groundlink.bus import credentials
 from groundlink.bus.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, VARIABLE, about_text
 from groundlink.core.errors import UserError
 from groundlink.deploy.certificates import Authority
+from tests.groundlink.test_certified_bus import write
 
 NOW = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    authority = Authority(NOW)
-    pem = authority.certify("rover/imu")
-    (tmp_path / AUTHORITY).write_bytes(authority.certificate)
-    (tmp_path / CERTIFICATE).write_bytes(pem.certificate)
-    (tmp_path / KEY).write_bytes(pem.key)
-    (tmp_path / ABOUT).write_text(about_text("rover/imu"))
-    return tmp_path
-
-
-def test_a_certificate_names_its_process_and_was_signed_by_the_authority() -> None:
-    authority = Authority(NOW)
-    signer = x509.load_pem_x509_certificate(authority.certificate)
-    own = x509.load_pem_x509_certificate(authority.certify("rover/imu").certificate)
-    own.verify_directly_issued_by(signer)
-    assert own.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value == "rover/imu"
-    other = x509.load_pem_x509_certificate(Authority(NOW).certificate)
-    with pytest.raises(InvalidSignature):
-        own.verify_directly_issued_by(other)
-
-
-def test_only_a_server_has_names_of_hosts() -> None:
-    authority = Authority(NOW)
-    server = x509.load_pem_x509_certificate(authority.certify("router", ["::1", "sim"]).certificate)
-    names = server.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-    assert names.get_values_for_type(x509.DNSName) == ["sim"]
-    client = x509.load_pem_x509_certificate(authority.certify("rover/imu").certificate)
-    with pytest.raises(x509.ExtensionNotFound):
-        client.extensions.get_extension_for_class(x509.SubjectAlternativeName)
+    write(tmp_path / "imu", Authority(NOW), "rover/imu")
+    return tmp_path / "imu"
 
 
 def test_without_the_variable_there_are_none() -> None:

@@ -19,20 +19,15 @@ UNIT += [(0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, -1.0), (1.0, 0.0, 0.0, 0.0), (0.0
 def test_they_agree_with_the_vectorised_ones(first: Quaternion, second: Quaternion) -> None:
     x, y, z = RANDOM.normal(size=3).tolist()
     vector: Vector3 = (x, y, z)
-    np.testing.assert_allclose(
-        quaternions.multiply(first, second), frames.multiply(first, second), atol=1e-15
-    )
+    turn = frames.rotation_vector(first)
     assert quaternions.conjugate(first) == tuple(frames.conjugate(first))
-    np.testing.assert_allclose(
-        quaternions.rotate(first, vector), frames.matrix_from_quaternion(first) @ vector, atol=1e-14
-    )
-    np.testing.assert_allclose(
-        quaternions.rotation_vector(first), frames.rotation_vector(first), atol=1e-14
-    )
-    half = np.array(frames.rotation_vector(first)) / 2
-    np.testing.assert_allclose(
-        quaternions.rotation_vector(quaternions.half_of(first)), half, atol=1e-14
-    )
+    for found, expected, off in (
+        (quaternions.multiply(first, second), frames.multiply(first, second), 1e-15),
+        (quaternions.rotate(first, vector), frames.matrix_from_quaternion(first) @ vector, 1e-14),
+        (quaternions.rotation_vector(first), turn, 1e-14),
+        (quaternions.rotation_vector(quaternions.half_of(first)), turn / 2, 1e-14),
+    ):
+        np.testing.assert_allclose(found, expected, atol=off)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-300, 1e-160, 1e-12, 1e-5, 0.1, 3.0, math.pi])

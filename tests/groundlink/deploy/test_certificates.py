@@ -3,8 +3,10 @@
 
 from datetime import UTC, datetime, timedelta
 
+import pytest
 from cryptography import x509
-from cryptography.x509.oid import ExtendedKeyUsageOID
+from cryptography.exceptions import InvalidSignature
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from groundlink.deploy.certificates import VALID_DAYS, Authority
 
@@ -20,7 +22,9 @@ def test_they_are_valid_at_once_also_where_clocks_are_some_minutes_behind() -> N
 
 
 def test_only_a_server_has_hosts_and_only_the_authority_signs() -> None:
-    authority = x509.load_pem_x509_certificate(AUTHORITY.certificate)
+    authority, another = (
+        x509.load_pem_x509_certificate(one.certificate) for one in (AUTHORITY, Authority(NOW))
+    )
     constraints = authority.extensions.get_extension_for_class(x509.BasicConstraints).value
     assert (constraints.ca, constraints.path_length) == (True, 0)
     for hosts, uses in (
@@ -35,5 +39,8 @@ def test_only_a_server_has_hosts_and_only_the_authority_signs() -> None:
         found = made.extensions
         assert not found.get_extension_for_class(x509.BasicConstraints).value.ca
         assert list(found.get_extension_for_class(x509.ExtendedKeyUsage).value) == uses
-        has_names = any(isinstance(e.value, x509.SubjectAlternativeName) for e in found)
-        assert has_names == bool(hosts)
+        assert made.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value == "router"
+        names = [e.value for e in found if isinstance(e.value, x509.SubjectAlternativeName)]
+        assert [n.get_values_for_type(x509.DNSName) for n in names] == [["router"]] * bool(hosts)
+        with pytest.raises(InvalidSignature):
+            made.verify_directly_issued_by(another)

@@ -146,29 +146,19 @@ def test_arrays_are_read_in_place() -> None:
     assert not poses.flags.owndata
 
 
-@pytest.mark.parametrize(
-    "array",
-    [
-        np.empty(0),
-        np.empty((0, 7)),
-        np.arange(12.0).reshape(3, 4)[:, ::2],
-        np.arange(12.0).reshape(3, 4).T,
-        np.array(1.0),
-        POINTS,
-        POINTS[::2],
-        POINTS[:0],
-    ],
-    ids=[
-        "none",
-        "no_rows",
-        "strided",
-        "transposed",
-        "scalar",
-        "points",
-        "strided_points",
-        "no_points",
-    ],
-)
+ARRAYS = {
+    "none": np.empty(0),
+    "no_rows": np.empty((0, 7)),
+    "strided": np.arange(12.0).reshape(3, 4)[:, ::2],
+    "transposed": np.arange(12.0).reshape(3, 4).T,
+    "scalar": np.array(1.0),
+    "points": POINTS,
+    "strided_points": POINTS[::2],
+    "no_points": POINTS[:0],
+}
+
+
+@pytest.mark.parametrize("array", ARRAYS.values(), ids=ARRAYS)
 def test_any_array_can_be_packed(array: Any) -> None:
     assert bytes(packed(array)) == array.tobytes()
 

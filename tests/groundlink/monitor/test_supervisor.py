@@ -6,8 +6,10 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -35,6 +37,17 @@ class Lines:
         return self.heard.count((name, line))
 
 
+@contextmanager
+def running(commands: dict[str, list[str]], lines: Lines, **more: Any) -> Iterator[Supervisor]:
+    """Start a supervisor and its children; stop them in the end."""
+    supervisor = Supervisor(commands, lines, **more)
+    supervisor.start()
+    try:
+        yield supervisor
+    finally:
+        supervisor.stop()
+
+
 def poll_until(supervisor: Supervisor, condition: Callable[[], bool]) -> str | None:
     deadline = time.monotonic() + 10
     while not condition():
@@ -47,9 +60,7 @@ def poll_until(supervisor: Supervisor, condition: Callable[[], bool]) -> str | N
 
 def test_a_crashed_child_is_restarted_and_the_others_are_left_alone() -> None:
     lines = Lines()
-    supervisor = Supervisor({"a": SLEEP, "b": SLEEP}, lines)
-    supervisor.start()
-    try:
+    with running({"a": SLEEP, "b": SLEEP}, lines) as supervisor:
         poll_until(supervisor, lambda: lines.count("a", "up") == lines.count("b", "up") == 1)
         victim, other = (supervisor.children[name].process for name in "ab")
         assert victim is not None
@@ -62,32 +73,25 @@ def test_a_crashed_child_is_restarted_and_the_others_are_left_alone() -> None:
         assert supervisor.children["a"].last_exit == "SIGKILL"
         assert supervisor.children["b"].process is other
         assert other.poll() is None
-    finally:
         assert supervisor.stop() == []
 
 
 def test_what_may_end_by_itself_is_done_then_and_others_are_restarted() -> None:
     lines = Lines()
     ends = ["-c", "print('worked', flush=True)"]
-    supervisor = Supervisor({"a": ends, "b": ends}, lines, finite={"a"})
-    supervisor.start()
-    try:
+    with running({"a": ends, "b": ends}, lines, finite={"a"}) as supervisor:
         poll_until(supervisor, lambda: lines.count("b", "worked") == 2)
         assert supervisor.children["a"].is_done
         assert lines.count("a", "worked") == 1
         assert supervisor.children["a"].restarts == 0
-    finally:
-        supervisor.stop()
 
 
 @pytest.mark.parametrize("code", [2, 3, 4])
 def test_what_a_user_has_to_mend_is_not_restarted(code: int) -> None:
     lines = Lines()
     tells = ["-c", f"import sys; print('mend me', file=sys.stderr); sys.exit({code})"]
-    supervisor = Supervisor({"a": tells}, lines)
-    supervisor.start()
-    assert poll_until(supervisor, lambda: False) == "a"
-    supervisor.stop()
+    with running({"a": tells}, lines) as supervisor:
+        assert poll_until(supervisor, lambda: False) == "a"
     assert lines.heard == [("a", "mend me")]
     assert supervisor.children["a"].ended_run is (code == RunFailed.exit_code)
 
@@ -95,24 +99,18 @@ def test_what_a_user_has_to_mend_is_not_restarted(code: int) -> None:
 def test_where_a_machine_lacks_something_the_others_go_on() -> None:
     lines = Lines()
     lacking = ["-c", "import sys; print('no EGL', file=sys.stderr); sys.exit(3)"]
-    supervisor = Supervisor({"a": lacking, "b": SLEEP}, lines, dispensable={"a"})
-    supervisor.start()
-    try:
+    with running({"a": lacking, "b": SLEEP}, lines, dispensable={"a"}) as supervisor:
         assert poll_until(supervisor, lambda: len(lines.heard) == 3) is None
         skipped = "skipped; the run continues without it"
         assert set(lines.heard) == {("a", "no EGL"), ("a", skipped), ("b", "up")}
         assert supervisor.children["a"].last_exit == "skipped"
         assert supervisor.poll() is None
         assert supervisor.children["a"].process is None
-    finally:
-        supervisor.stop()
 
 
 def test_a_child_that_crashes_at_every_start_is_given_up() -> None:
-    supervisor = Supervisor({"a": ["-c", "raise SystemExit(1)"]}, Lines())
-    supervisor.start()
-    assert poll_until(supervisor, lambda: False) == "a"
-    supervisor.stop()
+    with running({"a": ["-c", "raise SystemExit(1)"]}, Lines()) as supervisor:
+        assert poll_until(supervisor, lambda: False) == "a"
     assert supervisor.children["a"].restarts == 4
 
 
@@ -147,9 +145,7 @@ def test_restarts_come_later_after_each_false_start_and_at_once_after_a_steady_t
 ) -> None:
     clock, lines = Clock(), Lines()
     monkeypatch.setattr("groundlink.monitor.supervisor.time", clock)
-    supervisor = Supervisor({"a": ["-c", "import time; time.sleep(60)"]}, lines)
-    supervisor.start()
-    try:
+    with running({"a": ["-c", "import time; time.sleep(60)"]}, lines) as supervisor:
         delays = [crash(supervisor, clock, 1.0) for _ in range(4)]
         assert delays == pytest.approx([0.2, 0.4, 0.8, 1.5])
         assert crash(supervisor, clock, 10.1) == pytest.approx(0.2)
@@ -159,8 +155,6 @@ def test_restarts_come_later_after_each_false_start_and_at_once_after_a_steady_t
         assert supervisor.children["a"].restarts == 18
         told = [line for _, line in lines.heard]
         assert told[:2] == [f"ended with SIGKILL; restarting in {s} s" for s in ("0.2", "0.4")]
-    finally:
-        supervisor.stop()
 
 
 def test_a_child_that_does_not_end_is_killed() -> None:

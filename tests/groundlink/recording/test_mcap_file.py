@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import zstandard
 from mcap.reader import NonSeekingReader, make_reader
-from mcap.records import Chunk, Footer
+from mcap.records import Chunk, ChunkIndex, Footer, Statistics
 from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
 
@@ -26,18 +26,23 @@ from groundlink.recording.ros_channels import LATCHED_QOS, RosFile
 Row = tuple[str, int, bytes]
 
 
+def summary_of(path: Path) -> tuple[list[ChunkIndex], Statistics]:
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    return summary.chunk_indexes, summary.statistics
+
+
 def rows(path: Path) -> list[Row]:
     """Return what the indexed reader finds, checksums checked."""
+    _, statistics = summary_of(path)
     with path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
-        summary = reader.get_summary()
-        assert summary is not None
-        assert summary.statistics is not None
         found = [(c.topic, m.log_time, m.data) for _, c, m in reader.iter_messages()]
-        assert summary.statistics.message_count == len(found)
-        counts = summary.statistics.channel_message_counts
-        assert sum(counts.values()) == len(found)
-        assert summary.statistics.metadata_count == len(list(reader.iter_metadata()))
+        assert statistics.message_count == len(found)
+        assert sum(statistics.channel_message_counts.values()) == len(found)
+        assert statistics.metadata_count == len(list(reader.iter_metadata()))
         return found
 
 
@@ -92,10 +97,7 @@ def test_full_chunks_are_closed_by_themselves(
     written = write(file, 0, 40)
     file.commit("topics", {})
     assert rows(tmp_path / "a.mcap") == written
-    with (tmp_path / "a.mcap").open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
-    assert len(summary.chunk_indexes) > 5
+    assert len(summary_of(tmp_path / "a.mcap")[0]) > 5
 
 
 def test_what_exists_is_not_overwritten(tmp_path: Path) -> None:
@@ -222,13 +224,9 @@ def test_attachments_are_found_by_all_readers(file: McapFile, tmp_path: Path) ->
     file.close()
     path = tmp_path / "a.mcap"
     assert rows(path) == first + later
+    assert summary_of(path)[1].attachment_count == 2
     with path.open("rb") as stream:
-        reader = make_reader(stream)
-        summary = reader.get_summary()
-        assert summary is not None
-        assert summary.statistics is not None
-        assert summary.statistics.attachment_count == 2
-        found = [(a.name, a.log_time, a.data) for a in reader.iter_attachments()]
+        found = [(a.name, a.log_time, a.data) for a in make_reader(stream).iter_attachments()]
     assert found == [("notes", 7, b"one"), ("notes", 8, b"two")]
     with path.open("rb") as stream:
         plain = NonSeekingReader(stream, validate_crcs=True)
@@ -244,18 +242,14 @@ def test_a_chunk_and_its_index_say_when_it_begins_and_ends(file: McapFile, tmp_p
         expected.append((min(times), max(times)))
         file.close_chunk()
     file.commit("end", {})
-    with (tmp_path / "a.mcap").open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
-    indexes = summary.chunk_indexes
+    indexes, statistics = summary_of(tmp_path / "a.mcap")
     assert [(i.message_start_time, i.message_end_time) for i in indexes] == expected
     with (tmp_path / "a.mcap").open("rb") as stream:
         records = StreamReader(stream, emit_chunks=True).records
         chunks = [record for record in records if isinstance(record, Chunk)]
     assert [(chunk.message_start_time, chunk.message_end_time) for chunk in chunks] == expected
-    assert summary.statistics is not None
-    assert summary.statistics.message_start_time == expected[0][0]
-    assert summary.statistics.message_end_time == expected[-1][1]
+    assert statistics.message_start_time == expected[0][0]
+    assert statistics.message_end_time == expected[-1][1]
 
 
 def test_chunks_and_summary_have_checksums(file: McapFile, tmp_path: Path) -> None:

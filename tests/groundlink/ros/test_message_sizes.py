@@ -104,9 +104,11 @@ def test_the_block_that_is_offered_fits_and_the_next_larger_does_not() -> None:
     assert not cut(ROVER, replace(LIDAR, block_deg=120.0), gateway).fits
 
 
-def said(capsys: pytest.CaptureFixture[str], tmp_path: Any, more: str) -> str:
+def said(capsys: pytest.CaptureFixture[str], tmp_path: Any, more: str = "", lidar: str = "") -> str:
+    """Return what is said about the laboratory with more fields, its LiDAR with others."""
     file = tmp_path / "lab.yaml"
-    file.write_text(LAB.read_text(encoding="utf-8") + more, encoding="utf-8")
+    text = LAB.read_text(encoding="utf-8").replace("vlp16_paper.yaml,", f"vlp16_paper.yaml,{lidar}")
+    file.write_text(text + more, encoding="utf-8")
     assert check(argparse.Namespace(scenario=str(file))) == 0
     return capsys.readouterr().out
 
@@ -123,34 +125,23 @@ def test_check_warns_of_a_revolution_in_ethernet_frames(
 def test_check_is_content_with_the_default(
     capsys: pytest.CaptureFixture[str], tmp_path: Any
 ) -> None:
-    text = said(capsys, tmp_path, "")
+    text = said(capsys, tmp_path)
     assert "exceeds" not in text
     assert "up to 1267393 bytes in 20 datagrams" in text
     assert "/ground_truth/odom, 50 Hz, sent to subscribers" in text
 
 
 def test_check_tells_of_the_truth(capsys: pytest.CaptureFixture[str], tmp_path: Any) -> None:
-    file = tmp_path / "lab.yaml"
-    text = LAB.read_text(encoding="utf-8").replace(
-        "vlp16_paper.yaml,", "vlp16_paper.yaml, truth: true,"
-    )
-    file.write_text(text, encoding="utf-8")
-    assert check(argparse.Namespace(scenario=str(file))) == 0
-    told = capsys.readouterr().out
+    told = said(capsys, tmp_path, lidar=" truth: true,")
     assert "/points, /points/truth, 10 Hz" in told
     assert "ground truth:\n           messages of up to 1497817 bytes" in told
     for topic in ("/ground_truth/wheels, 50 Hz", "/ground_truth/bodies, 10 Hz"):
         assert f"{topic}, sent to subscribers" in told
 
 
-def test_check_refuses_what_fits_nowhere(tmp_path: Any) -> None:
-    angles = ", ".join(str(angle) for angle in range(-32, 32))
-    text = LAB.read_text(encoding="utf-8").replace(
-        "sensors/vlp16_paper.yaml,",
-        "sensors/vlp16_paper.yaml, firings_per_revolution: 36000, laser_times_us: [], "
-        f"elevations_deg: [{angles}],",
+def test_check_refuses_what_fits_nowhere(capsys: pytest.CaptureFixture[str], tmp_path: Any) -> None:
+    lidar = (
+        f" firings_per_revolution: 36000, laser_times_us: [], elevations_deg: {[*range(-32, 32)]},"
     )
-    file = tmp_path / "lab.yaml"
-    file.write_text(text, encoding="utf-8")
     with pytest.raises(UserError, match=r"rover/lidar: a message of 506\d+ bytes is more than 255"):
-        check(argparse.Namespace(scenario=str(file)))
+        said(capsys, tmp_path, lidar=lidar)

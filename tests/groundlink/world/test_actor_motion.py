@@ -10,7 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from groundlink.world.actor_motion import TURN_RADPS, ActorPose, initial_pose, mover
-from groundlink.world.actors import FreeMotion, HingeMotion, PathMotion, Swing
+from groundlink.world.actors import (
+    FreeMotion,
+    HingeMotion,
+    PathMotion,
+    PersonForm,
+    Swing,
+    form_solids,
+)
+from groundlink.world.bounds import bounds
 from groundlink.world.terrain import Ground
 
 LINE = PathMotion(points_m=((0.0, 0.0), (3.0, 4.0)), speed_mps=2.0, pause_s=0.5, start_s=1.0)
@@ -135,3 +143,11 @@ OPEN = {"at_s": 1, "angle_deg": 9}
 def test_what_makes_no_motion_is_refused(fields: dict[str, object], problem: str) -> None:
     with pytest.raises(msgspec.ValidationError, match=problem):
         msgspec.convert(fields, PathMotion | HingeMotion)
+
+
+def test_a_person_twice_as_tall_is_twice_as_large_in_every_direction() -> None:
+    small, large = (
+        PersonForm(height_m=height, shirt="a", trousers="a", skin="a") for height in (1.0, 2.0)
+    )
+    boxes = [np.array([bounds(part) for part in form_solids(person)]) for person in (small, large)]
+    np.testing.assert_allclose(2 * boxes[0], boxes[1], atol=1e-9)
