@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Of every kind of sensor: what is due is what its model makes, and what it misses is told."""
+"""Of every kind of sensor: what is due is what its model makes, and what it misses is told.
 
-from collections.abc import Callable
+What a model sends depends on the states, the seed and the name alone, not on when it began.
+"""
+
+import math
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -9,15 +13,23 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
+from scipy.spatial.transform import Rotation
 
 from groundlink.bus.topics import sensor_outputs
 from groundlink.core.clock import TICK_NANOS
-from groundlink.messages.base import BusMessage, State, encode, measured_nanos, packed
+from groundlink.messages.base import (
+    BadBusMessage,
+    BusMessage,
+    State,
+    encode,
+    measured_nanos,
+    packed,
+)
 from groundlink.messages.imagery import CompressedImage
 from groundlink.messages.missing_readings import MissingReadings
 from groundlink.messages.reading_schedule import ReadingSchedule
 from groundlink.scenario.every_sensor import SensorSpec
-from groundlink.scenario.inertial import InertialNoise
+from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
 from groundlink.scenario.lenses import Imager
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensor_kinds import sensor_kinds
@@ -29,6 +41,8 @@ from groundlink.scenario.sensors import (
     InertialUnit,
     Lidar,
     Lidar2d,
+    Mount,
+    PositionNoise,
     StereoCamera,
     WheelOdometry,
 )
@@ -42,6 +56,8 @@ from services.sensors.lidar_2d.model import Lidar2dModel
 from services.sensors.range.model import RangeModel
 from services.sensors.range.spec import RangeFinder
 from services.sensors.runtime.model import (
+    LeftOut,
+    RememberingModel,
     SensorModel,
     SkippingModel,
     StreamMessage,
@@ -60,6 +76,11 @@ RATES_HZ = st.sampled_from([7.5, 10.0, 29.97, 30.0, 50.0, 59.94, 100.0, 119.88, 
 TURNS_HZ = st.sampled_from([5.0, 9.99, 10.0, 12.5, 20.0, 29.97])
 PLACE: dict[str, Any] = {"name": "it", "topic": "/it", "frame": "it_link"}
 COUNTED = Encoders(name="wheels", topic="/wheels", frame="base_link")
+WORN: dict[str, Any] = {
+    **{"missed_ticks": 0.05, "resets_s": (0.1, 0.25, 0.5), "scale_stddev": 0.01},
+    **{"slip_stddev": 0.05, "reversed_wheels": (WHEELS[1],), "start_ticks": 2**62 - 100},
+}
+"""Errors of wheels, by which counters depend on more than the states."""
 
 
 class Blank(PictureModel):
@@ -97,6 +118,10 @@ def turning(kind: type[Any], **fields: Any) -> st.SearchStrategy[Any]:
         **just,
         firings_per_revolution=st.just(64),
         rotation_rate_hz=TURNS_HZ,
+        range_stddev_m=st.just(0.03),
+        laser_bias_m=st.just(0.02),
+        range_resolution_m=st.just(0.002),
+        dropout=st.just(0.1),
         block_deg=blocks,
     )
 
@@ -109,13 +134,29 @@ def exposing(camera: Camera) -> Camera:
 
 
 LENS = {"width": 16, "height": 16}
+IMU_NOISE = InertialNoise(
+    noise_density=1.5e-3,
+    bias_instability=4e-4,
+    bias_time_constant_s=30,
+    random_walk=1e-4,
+    turn_on_bias=0.02,
+    scale_factor=0.01,
+    misalignment_deg=0.5,
+    saturation=20,
+    resolution=0.005,
+)
 KINDS: dict[type[Any], tuple[st.SearchStrategy[Any], Callable[..., SensorModel]]] = {
     Lidar: (turning(Lidar, elevations_deg=(-1.0, 1.0), truth=True), LidarModel),
     Lidar2d: (turning(Lidar2d), Lidar2dModel),
     InertialUnit: (
         st.builds(
-            lambda imu, hz: replace(imu, accelerometer=InertialNoise(bandwidth_hz=hz)),
-            of_rate(InertialUnit),
+            lambda imu, hz: replace(imu, accelerometer=replace(IMU_NOISE, bandwidth_hz=hz)),
+            of_rate(
+                InertialUnit,
+                mount=Mount((0.1, 0.2, 0.3), (1, 2, 3)),
+                gyroscope=GyroscopeNoise(noise_density=2e-4, turn_on_bias=0.003),
+                orientation_stddev_deg=0.25,
+            ),
             st.sampled_from([0.0, 50.0, 200.0]),
         ),
         ImuModel,
@@ -125,20 +166,33 @@ KINDS: dict[type[Any], tuple[st.SearchStrategy[Any], Callable[..., SensorModel]]
     Gnss: (
         st.builds(
             lambda gnss, latency: replace(gnss, latency_s=latency),
-            of_rate(Gnss),
-            st.sampled_from([0.0, 0.07]),
+            of_rate(
+                Gnss,
+                horizontal=PositionNoise(0.5, 1.0),
+                vertical=PositionNoise(1.0, 2.0),
+                drift_time_s=5.0,
+                velocity_stddev_mps=0.05,
+            ),
+            st.sampled_from([0.0, 0.07, 0.35]),
         ),
         GnssModel,
     ),
     RangeFinder: (
         of_rate(
-            RangeFinder, radiation="ultrasound", field_of_view_deg=10.0, max_range_m=4.0, rays=4
+            RangeFinder,
+            **{"radiation": "ultrasound", "field_of_view_deg": 10.0, "max_range_m": 4.0, "rays": 4},
+            **{"range_stddev_m": 0.01, "turn_on_bias_m": 0.02, "dropout": 0.1},
         ),
         RangeModel,
     ),
     Camera: (of_rate(Camera, **LENS, publish="both").map(exposing), Blank),
     DepthCamera: (
-        of_rate(DepthCamera, **LENS, publish="both", points_topic="/points"),
+        of_rate(
+            DepthCamera,
+            **LENS,
+            **{"publish": "both", "points_topic": "/points"},
+            **{"baseline_m": 0.05, "disparity_stddev_px": 0.01, "edge_holes_px": 2},
+        ),
         lambda scenario, vehicle, spec: DepthCameraModel(
             scenario, vehicle, spec, eye=RayEye(scenario, vehicle, spec)
         ),
@@ -155,9 +209,10 @@ def test_every_kind_of_sensor_is_tried() -> None:
 
 
 def run() -> list[State]:
-    """Return states of a rover that drives by a wall."""
+    """Return states of a rover that drives by a wall and tumbles."""
     places = np.outer(np.arange(TICKS), (0.002, 0.0, 0.0))
-    angles = np.outer(np.arange(TICKS), (0.02,) * len(WHEELS))
+    turns = Rotation.from_rotvec(np.outer(np.arange(TICKS), (0.0005, 0.0007, 0.002)))
+    angles = np.cumsum(np.random.default_rng(6).normal(0.01, 0.1, (TICKS, len(WHEELS))), axis=0)
     return [
         replace(
             state,
@@ -169,7 +224,7 @@ def run() -> list[State]:
                 )
             },
         )
-        for state in moving(places)
+        for state in moving(places, turns.as_quat())
     ]
 
 
@@ -177,12 +232,27 @@ STATES = run()
 MADE = yard(box("wall", (1, 40, 40), (3, 0, 0)))
 
 
+def model(spec: SensorSpec, *, seed: int = 1, counted: Encoders = COUNTED) -> SensorModel:
+    rover = replace(MADE.vehicles[0], sensors=(counted, spec), frame_prefix="one/")
+    return KINDS[type(spec)][1](replace(MADE, vehicles=(rover,), seed=seed), rover, spec)
+
+
+def sent(made: SensorModel, states: Iterable[State]) -> dict[tuple[str, int], bytes]:
+    """Return the messages of a model by stream and sim time."""
+    messages = {}
+    for state in states:
+        for reading in made.readings(state):
+            assert not isinstance(reading, LeftOut)
+            output, message = stream_and_message(reading)
+            messages[output, measured_nanos(message) - EPOCH_NANOS] = encode(message)
+    return messages
+
+
 class Fed:
     """What came of a sensor and what it told, by stream and number of the reading."""
 
     def __init__(self, spec: SensorSpec, *, max_waiting_ticks: int | None = None) -> None:
-        rover = replace(MADE.vehicles[0], sensors=(COUNTED, spec))
-        self.model = KINDS[type(spec)][1](replace(MADE, vehicles=(rover,)), rover, spec)
+        self.model = model(spec)
         self.due: ReadingSchedule = spec.schedule()
         self.came: dict[str, dict[int, bytes]] = {o.name: {} for o in sensor_outputs(spec)}
         self.missing: dict[str, dict[int, str]] = {name: {} for name in self.came}
@@ -290,3 +360,103 @@ def test_what_would_come_late_is_left_out_and_the_rest_is_the_same(
         assert set(missing.values()) == {"overloaded"}
         assert late.came[output].items() <= whole.came[output].items()
         assert len(late.came[output]) + len(missing) == len(whole.came[output])
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES)
+@FEW
+@given(data=st.data())
+def test_a_restart_goes_on_with_the_same_bytes(
+    strategy: st.SearchStrategy[Any], data: st.DataObject
+) -> None:
+    spec = data.draw(strategy)
+    if isinstance(spec, WheelOdometry):
+        return  # it counts on from its memory
+    whole, same = sent(model(spec), STATES), model(spec)
+    begin = data.draw(st.integers(1, TICKS - 80), label="begins at")
+    sent(same, STATES[: data.draw(st.integers(0, TICKS), label="before")])
+    same.restart()
+    assert same.settled_tick() == -1
+    first_nanos = begin * TICK_NANOS
+    if isinstance(spec, InertialUnit):  # It needs two states and then one whole window.
+        within_nanos = first_nanos + TICK_NANOS + 2e9 / spec.rate_hz
+        if spec.accelerometer.bandwidth_hz:  # Its filter needs a while to settle besides.
+            within_nanos = math.inf
+        first_nanos = max(nanos for _, nanos in whole if nanos <= within_nanos)
+    for made in (model(spec), same):
+        later = sent(made, STATES[begin:])
+        assert later.items() <= whole.items()
+        assert later.keys() >= {key for key in whole if key[1] >= first_nanos}
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES)
+@FEW
+@given(data=st.data())
+def test_a_successor_from_the_settled_tick_on_leaves_out_nothing(
+    strategy: st.SearchStrategy[Any], data: st.DataObject
+) -> None:
+    """A successor has the memory; it repeats at most one reading of each stream or block."""
+    spec, counted = data.draw(strategy), replace(COUNTED, **WORN)
+    if isinstance(spec, Encoders):
+        spec = replace(spec, **WORN)
+    whole, first = sent(model(spec, counted=counted), STATES), model(spec, counted=counted)
+    assert first.settled_tick() == -1
+    at = data.draw(st.integers(0, TICKS - 1), label="ends with")
+    before = sent(first, STATES[: at + 1])
+    assert first.settled_tick() <= at
+    successor = model(spec, counted=counted)
+    if isinstance(first, RememberingModel):
+        assert isinstance(successor, RememberingModel)
+        successor.remember(first.memory())
+    later = sent(successor, STATES[max(first.settled_tick(), 0) :])
+    assert later | before == whole
+    repeated = later.keys() & before.keys()
+    if not isinstance(first, RememberingModel):
+        assert later.items() <= whole.items()
+    assert len(repeated) <= (0 if isinstance(spec, InertialUnit) else len(sensor_outputs(spec)))
+
+
+MODELED = [kind for kind in KINDS if KINDS[kind][1] is not Blank]
+
+
+@pytest.mark.parametrize("kind", [k for k in MODELED if k not in (DepthCamera, WheelOdometry)])
+@FEW
+@given(data=st.data())
+def test_seed_and_name_choose_the_noise(kind: type[Any], data: st.DataObject) -> None:
+    spec, counted = data.draw(KINDS[kind][0]), replace(COUNTED, **WORN)
+    if isinstance(spec, Encoders):
+        spec = replace(spec, **WORN)
+    one, same, other, named = (
+        sent(model(chosen, seed=seed, counted=counted), STATES)
+        for chosen, seed in ((spec, 1), (spec, 1), (spec, 2), (replace(spec, name="other"), 1))
+    )
+    assert one == same
+    for different in (other, named):
+        alike = sum(different[key] == one[key] for key in one)
+        assert alike <= 1 + len(one) // 20, "all but the first counts and echoes that both lost"
+
+
+@pytest.mark.parametrize("kind", MODELED)
+@FEW
+@given(data=st.data())
+def test_a_state_without_the_vehicle_is_refused(kind: type[Any], data: st.DataObject) -> None:
+    spec = data.draw(KINDS[kind][0])
+    made = model(spec)
+    sent(made, STATES[:20])
+    refusal = r"tick 20: .*(no|\d) (link poses|joint positions) of `rover`"
+    with pytest.raises(BadBusMessage, match=refusal):
+        list(made.readings(replace(STATES[20], vehicles={})))
+    if not isinstance(made, RememberingModel | ImuModel):
+        assert made.settled_tick() == -1
+        assert sent(made, STATES[21:]) == sent(model(spec), STATES[21:])
+
+
+@pytest.mark.parametrize("kind", MODELED)
+@FEW
+@given(data=st.data())
+def test_frames_have_the_vehicles_prefix(kind: type[Any], data: st.DataObject) -> None:
+    made = model(data.draw(KINDS[kind][0]))
+    for state in STATES:
+        for reading in made.readings(state):
+            assert not isinstance(reading, LeftOut)
+            message: Any = stream_and_message(reading)[1]
+            assert message.frame.startswith("one/")

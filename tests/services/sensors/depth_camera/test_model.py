@@ -21,7 +21,7 @@ from services.sensors.rendering.cameras.messages import jpeg
 from services.sensors.runtime.model import LeftOut, stream_and_message
 from tests.services.sensors.rendering.opengl import _opengl as _opengl
 from tests.services.sensors.states import EPOCH_NANOS
-from tests.services.sensors.yards import moving, resting
+from tests.services.sensors.yards import resting
 
 from .specs import spec, world
 
@@ -133,14 +133,6 @@ def test_rays_give_the_same_images() -> None:
     # Only at edges do they differ, and there are holes.
     assert np.quantile(np.abs(a[both] - b[both]), 0.99) < 1e-3
     assert (np.isnan(a) == np.isnan(b)).mean() > 0.99
-
-
-def test_pictures_do_not_depend_on_what_came_before() -> None:
-    run = list(moving([(0.01 * tick, 0.0, 0.0) for tick in range(60)]))
-    through = taken(camera(**NOISY), run)[""]
-    again = taken(camera(**NOISY), run[25:])[""]
-    assert through[-2:] == again[-2:]
-    assert not np.array_equal(depth(through[-1]), depth(through[-2]))
 
 
 def test_noise_is_new_in_every_picture() -> None:

@@ -118,16 +118,6 @@ def test_between_two_ticks_as_much_is_missed_as_of_the_way(rate_hz: float) -> No
     assert np.abs(none).max() <= 1  # Each of the two shares is rounded by itself.
 
 
-def test_seed_and_name_choose_what_is_missed() -> None:
-    run = turned(np.arange(200) * 10 * RESOLUTION)
-
-    def taken(**fields: Any) -> list[list[int]]:
-        return counts(readings(encoders(missed_ticks=0.1, **fields), run)).tolist()  # type: ignore[no-any-return]
-
-    assert taken() == taken()
-    assert taken()[-1] not in (taken(seed=2)[-1], taken(name="other")[-1])
-
-
 # Resets
 
 
@@ -164,21 +154,6 @@ def moving(ticks: int = 400) -> list[State]:
 
 def bytes_of(taken: Sequence[messages.WheelEncoders]) -> dict[int, bytes]:
     return {reading.stamp_nanos: encode(reading) for reading in taken}
-
-
-@pytest.mark.parametrize("rate_hz", [400, 50, 30])
-@pytest.mark.parametrize("at", [1, 13, 39, 40, 41, 201])
-def test_a_successor_with_the_memory_goes_on_with_the_same_bytes(rate_hz: float, at: int) -> None:
-    run = moving()
-    whole = bytes_of(readings(encoders(rate_hz=rate_hz, **FAULTY), run))
-    first = encoders(rate_hz=rate_hz, **FAULTY)
-    settled = bytes_of(readings(first, run[: at + 1]))
-    successor = encoders(rate_hz=rate_hz, **FAULTY)
-    successor.remember(first.memory())
-    later = bytes_of(readings(successor, run[first.settled_tick() :]))
-    for stamp, payload in later.items():
-        assert stamp in settled or payload == whole[stamp]
-    assert settled | {s: b for s, b in later.items() if s not in settled} == whole
 
 
 def test_an_empty_memory_begins_anew() -> None:

@@ -121,46 +121,12 @@ def test_between_two_ticks_the_counters_are_those_of_the_stamp(rate_hz: float) -
         assert abs(reading.ticks[0] - angle / RESOLUTION) <= 0.5 + 1e-6
 
 
-@pytest.mark.parametrize("rate_hz", [400, 50, 30])
-@pytest.mark.parametrize("start", [1, 13, 14, 40, 201])
-def test_a_restart_goes_on_with_the_same_bytes(rate_hz: float, start: int) -> None:
-    angles = np.cumsum(np.random.default_rng(6).normal(scale=0.1, size=400))
-    run = turned(angles, -angles)
-    whole = {r.stamp_nanos: encode(r) for r in readings(encoders(rate_hz=rate_hz), run)}
-    same = encoders(rate_hz=rate_hz)
-    readings(same, run[:100])
-    same.restart()
-    assert same.settled_tick() == -1
-    for model in (encoders(rate_hz=rate_hz), same):
-        later = [(r.stamp_nanos, encode(r)) for r in readings(model, run[start:])]
-        first_nanos = EPOCH_NANOS + start * 2_500_000
-        assert later == [item for item in whole.items() if item[0] >= first_nanos]
-
-
-@pytest.mark.parametrize("rate_hz", [400, 50, 30])
-def test_a_successor_from_the_settled_tick_on_leaves_out_nothing(rate_hz: float) -> None:
-    run = turned(np.zeros(300))
-    whole = readings(encoders(rate_hz=rate_hz), run)
-    model, published = encoders(rate_hz=rate_hz), 0
-    for state in run[:200]:
-        published += len(list(model.readings(state)))
-        later = readings(encoders(rate_hz=rate_hz), run[model.settled_tick() :])
-        # A reading of the settled tick itself comes again.
-        assert later[len(later) - len(whole) + published :] == whole[published:]
-        assert later[0].stamp_nanos - EPOCH_NANOS >= state.tick * 2_500_000
-
-
 def test_a_state_without_the_wheels_is_refused() -> None:
     (state,) = turned([0.0])
     (other,) = states(np.zeros((1, 3)), joint_positions=[[0.0]])
     for vehicles, count in (({}, 0), (other.vehicles, 1)):
         with pytest.raises(BadBusMessage, match=f"tick 0: {count} joint positions of `rover`"):
             encoders().readings(replace(state, vehicles=vehicles))
-
-
-def test_the_frame_has_the_vehicles_prefix() -> None:
-    (reading,) = readings(encoders(frame_prefix="rover/"), turned([0.0]))
-    assert reading.frame == "rover/base_link"
 
 
 def test_a_track_is_counted_by_its_sprocket() -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from groundlink.core.errors import UserError
-from groundlink.messages.base import BadBusMessage, State, encode, floats
+from groundlink.messages.base import BadBusMessage, State, floats
 from groundlink.messages.navigation import NavSatFix
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Gnss, Mount, PositionNoise
@@ -266,56 +266,6 @@ def test_satellites_in_one_place_are_refused() -> None:
         receiver(satellites_deg=((0.0, 45.0),) * 5)
 
 
-def test_same_seed_same_bytes_and_another_differs() -> None:
-    run = resting(2000)
-    one, same, other = (
-        [encode(fix) for fix in fixes(receiver(yard(seed=seed), **NOISY), run)]
-        for seed in (1, 1, 2)
-    )
-    assert one == same
-    assert not set(one) & set(other)
-
-
-@pytest.mark.parametrize("latency_s", [0.0, 0.1, 0.35])
-@pytest.mark.parametrize("rate_hz", [20, 5, 3])
-@pytest.mark.parametrize("start", [1, 40, 133, 134, 801])
-def test_a_restart_goes_on_with_the_same_bytes(
-    rate_hz: float, start: int, latency_s: float
-) -> None:
-    run = resting(2000)
-    spec: dict[str, Any] = {"rate_hz": rate_hz, "latency_s": latency_s, **NOISY}
-    whole = {fix.stamp_nanos: encode(fix) for fix in fixes(receiver(**spec), run)}
-    same = receiver(**spec)
-    fixes(same, run[:100])
-    same.restart()
-    assert same.settled_tick() == -1
-    for model in (receiver(**spec), same):
-        later = [(fix.stamp_nanos, encode(fix)) for fix in fixes(model, run[start:])]
-        first_nanos = EPOCH_NANOS + start * 2_500_000
-        assert later == [item for item in whole.items() if item[0] >= first_nanos]
-
-
-@pytest.mark.parametrize("latency_s", [0.0, 0.1, 0.35])
-@pytest.mark.parametrize("rate_hz", [20, 5, 3])
-def test_a_successor_from_the_settled_tick_on_leaves_out_nothing(
-    rate_hz: float, latency_s: float
-) -> None:
-    run = resting(700)
-    spec: dict[str, Any] = {"rate_hz": rate_hz, "latency_s": latency_s}
-    whole = [fix.stamp_nanos for fix in fixes(receiver(**spec), run)]
-    model, published = receiver(**spec), 0
-    for state in run[:400]:
-        published += len(model.readings(state))
-        settled = model.settled_tick()
-        assert 0 <= settled <= state.tick
-        if state.tick % 7:
-            continue
-        later = [fix.stamp_nanos for fix in fixes(receiver(**spec), run[settled:])]
-        # A fix that came with the settled tick itself comes again.
-        assert later[-len(whole[published:]) :] == whole[published:]
-        assert len(later) - len(whole[published:]) in (0, 1)
-
-
 @pytest.mark.parametrize("sky_view", [False, True])
 def test_a_state_without_the_vehicle_is_refused(sky_view: bool) -> None:
     (state,) = resting(1)
@@ -329,8 +279,3 @@ def test_a_state_without_the_vehicle_is_refused(sky_view: bool) -> None:
 def test_a_world_without_a_datum_is_refused() -> None:
     with pytest.raises(UserError, match="add `datum` to the world"):
         receiver(scenario())
-
-
-def test_the_frame_has_the_vehicles_prefix() -> None:
-    (fix,) = fixes(receiver(yard(frame_prefix="rover/")), resting(1))
-    assert fix.frame == "rover/gnss_link"

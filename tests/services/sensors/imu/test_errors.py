@@ -217,29 +217,6 @@ def test_behind_a_low_pass_the_noise_is_that_of_its_bandwidth() -> None:
     assert spread == pytest.approx(expected, rel=0.03)
 
 
-@pytest.mark.parametrize("rate_hz", [400, 100, 30])
-@pytest.mark.parametrize("start", [1, 127, 400, 555])
-def test_with_every_error_a_restart_goes_on_with_the_same_bytes(rate_hz: float, start: int) -> None:
-    _, _, run = tumbling(800)
-    whole = {s.stamp_nanos: encode(s) for s in samples(imu(rate_hz=rate_hz, **ALL), run)}
-    later = samples(imu(rate_hz=rate_hz, **ALL), run[start:])
-    assert later[-1].stamp_nanos == max(whole)
-    for sample in later:
-        assert encode(sample) == whole[sample.stamp_nanos]
-
-
-@pytest.mark.parametrize("rate_hz", [400, 30])
-def test_with_a_low_pass_a_successor_leaves_out_nothing(rate_hz: float) -> None:
-    _, _, run = tumbling(500)
-    whole = [encode(s) for s in samples(imu(rate_hz=rate_hz, **ALL), run)]
-    model, published = imu(rate_hz=rate_hz, **ALL), 0
-    for state in run[:400]:
-        published += len(list(model.readings(state)))
-        if state.tick % 37 == 0:
-            later = samples(imu(rate_hz=rate_hz, **ALL), run[max(0, model.settled_tick()) :])
-            assert [encode(s) for s in later] == whole[published:]
-
-
 def test_a_circle_at_constant_speed_gives_speed_times_rate() -> None:
     speed, radius = 1.2, 3.0
     angle = speed / radius * np.arange(800) / 400

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from groundlink.messages import base as messages
-from groundlink.messages.base import BadBusMessage, State, encode
+from groundlink.messages.base import BadBusMessage, State
 from groundlink.scenario import sensors
 from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
 from groundlink.scenario.sensors import Mount
@@ -21,12 +21,6 @@ from tests.services.sensors.states import EPOCH_NANOS, scenario, states
 
 DT = 1 / 400
 GRAVITY = 9.80665
-
-NOISY: dict[str, Any] = {
-    "accelerometer": InertialNoise(noise_density=1.5e-3, turn_on_bias=0.02),
-    "gyroscope": GyroscopeNoise(noise_density=2e-4, turn_on_bias=0.003),
-    "orientation_stddev_deg": 0.25,
-}
 
 
 def imu(*, seed: int = 1, name: str = "imu", frame_prefix: str = "", **fields: Any) -> ImuModel:
@@ -283,11 +277,6 @@ def test_a_state_without_the_vehicle_is_refused() -> None:
             imu().readings(replace(state, vehicles=vehicles))
 
 
-def test_the_frame_has_the_vehicles_prefix() -> None:
-    taken = samples(imu(frame_prefix="rover/"), states(np.zeros((3, 3))))
-    assert taken[0].frame == "rover/imu_link"
-
-
 # Errors
 
 
@@ -338,53 +327,3 @@ def test_a_bias_changes_only_what_it_belongs_to() -> None:
     assert forces(taken).tolist() == [[0.0, 0.0, GRAVITY]] * 2
     assert rates(taken).all()
     assert taken[0].orientation == (0.0, 0.0, 0.0, 1.0)
-
-
-@pytest.mark.parametrize("rate_hz", [400, 100, 29.97, 1])
-def test_a_successor_from_the_settled_tick_on_repeats_and_leaves_out_nothing(
-    rate_hz: float,
-) -> None:
-    run = list(states(np.zeros((1300, 3))))
-    whole = [encode(sample) for sample in samples(imu(rate_hz=rate_hz, **NOISY), run)]
-    model, published = imu(rate_hz=rate_hz, **NOISY), 0
-    assert model.settled_tick() == -1
-    for state in run[:900]:
-        published += len(list(model.readings(state)))
-        if state.tick % 37 == 0:
-            assert model.settled_tick() <= state.tick
-            successor = imu(rate_hz=rate_hz, **NOISY)
-            later = samples(successor, run[model.settled_tick() :])
-            assert [encode(sample) for sample in later] == whole[published:]
-
-
-@pytest.mark.parametrize("rate_hz", [400, 100, 30])
-@pytest.mark.parametrize("start", [1, 127, 399, 400, 401, 555])
-def test_a_restart_goes_on_with_the_same_bytes(rate_hz: float, start: int) -> None:
-    _, _, run = tumbling(700)
-    mount = Mount(xyz_m=(0.1, 0.2, 0.3), rpy_deg=(1, 2, 3))
-    whole = {
-        sample.stamp_nanos: encode(sample)
-        for sample in samples(imu(rate_hz=rate_hz, mount=mount, **NOISY), run)
-    }
-    anew = imu(rate_hz=rate_hz, mount=mount, **NOISY)
-    same = imu(rate_hz=rate_hz, mount=mount, **NOISY)
-    samples(same, run[:300])
-    same.restart()
-    for model in (anew, same):
-        later = samples(model, run[start:])
-        # It needs two states and then one whole window.
-        assert later[0].stamp_nanos - EPOCH_NANOS <= (start + 1) * 2_500_000 + 2e9 / rate_hz
-        assert later[-1].stamp_nanos == max(whole)
-        for sample in later:
-            assert encode(sample) == whole[sample.stamp_nanos]
-
-
-def test_seed_and_name_choose_the_noise() -> None:
-    run = list(states(np.zeros((10, 3))))
-
-    def taken(**fields: Any) -> list[bytes]:
-        return [encode(sample) for sample in samples(imu(**fields, **NOISY), run)]
-
-    assert taken() == taken()
-    for other in (taken(seed=2), taken(name="second_imu")):
-        assert not set(taken()) & set(other)

@@ -116,23 +116,6 @@ def test_a_block_leaves_with_the_first_state_after_its_last_ray(
         assert end - 2 <= tick * TICK_NANOS < end + TICK_NANOS + 2
 
 
-@pytest.mark.parametrize(("name", "block_deg"), [("vlp16", 2.4), ("vlp16_paper", 15.0)])
-def test_a_restart_goes_on_with_the_same_bytes(name: str, block_deg: float) -> None:
-    """Fed from the settled tick on, a successor sends every block that was not settled."""
-    spec = sheet(name, block_deg=block_deg)
-    scenario = laboratory()
-    undisturbed = {cloud.stamp_nanos: cloud for _, cloud in clouds(spec)}
-    for end_tick in (47, 50, 51, 79, 80, 81):
-        model = LidarModel(scenario, scenario.vehicles[0], spec)
-        sent = [c for s in states(0, end_tick) for c in model.readings(s)]
-        settled = model.settled_tick()
-        later = [cloud for _, cloud in clouds(spec, first_tick=settled)]
-        assert later[0].stamp_nanos <= sent[-1].stamp_nanos + 5_000_000
-        assert {c.stamp_nanos for c in (*sent, *later)} == set(undisturbed)
-        for cloud in later:
-            assert bytes(cloud.points) == bytes(undisturbed[cloud.stamp_nanos].points)
-
-
 @pytest.mark.parametrize("rate_hz", [5.0, 9.97, 20.0])
 @pytest.mark.parametrize("block_deg", [0.0, 15.0])
 def test_blocks_do_not_drift(rate_hz: float, block_deg: float) -> None:

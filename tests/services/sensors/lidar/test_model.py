@@ -137,49 +137,6 @@ def test_noise_of_a_ray_does_not_depend_on_what_others_meet() -> None:
     assert 0.02 < len(bare - with_pillar) / len(bare) < 0.2
 
 
-def test_same_seed_same_bytes() -> None:
-    way = rooms.driving(speed_mps=1.0, turn_radps=0.5)
-
-    def run(seed: int) -> list[bytes]:
-        return [bytes(c.points) for c in rooms.clouds(rooms.scenario(seed=seed, **NOISY), way, 81)]
-
-    assert run(1) == run(1)
-    assert not set(run(1)) & set(run(2))
-
-
-def test_a_restart_draws_the_same() -> None:
-    way = rooms.driving(speed_mps=1.0, turn_radps=0.5)
-    made = rooms.scenario(**NOISY)
-    undisturbed = rooms.clouds(made, way, 161)
-    joined_late = rooms.clouds(made, way, 161 - 57, first_tick=57)
-    assert [bytes(c.points) for c in joined_late] == [bytes(c.points) for c in undisturbed[2:]]
-
-    model = rooms.model(made)
-    seen = []
-    for state in rooms.states(made, way, 161):
-        if state.tick == 57:
-            model.restart()
-            assert model.settled_tick() == -1
-        seen += model.readings(state)
-    expected = [bytes(undisturbed[i].points) for i in (0, 2, 3)]
-    assert [bytes(cloud.points) for cloud in seen] == expected
-
-
-def test_a_gap_before_a_restart_leaves_nothing_behind() -> None:
-    way = rooms.driving(speed_mps=1.0, turn_radps=0.5)
-    made = rooms.scenario(**NOISY)
-    model = rooms.model(made)
-    for state in rooms.states(made, way, 25):
-        model.readings(state)
-    model.restart()
-    seen = [
-        bytes(cloud.points)
-        for state in rooms.states(made, way, 100, first_tick=80)
-        for cloud in model.readings(state)
-    ]
-    assert seen == [bytes(cloud.points) for cloud in rooms.clouds(made, way, 161)[2:]]
-
-
 def test_a_cloud_outlives_the_next() -> None:
     """Memory is used again from revolution to revolution, but not what was handed out."""
     made = rooms.scenario(range_stddev_m=0.03)

@@ -199,11 +199,3 @@ def test_it_changes_no_cloud_and_comes_with_the_same_bytes_again() -> None:
     assert first == again
     alone = rooms.clouds(world(**NOISY), ego, 82, others=[car])
     assert alone == [cloud for cloud, _ in first]
-
-
-def test_a_restart_goes_on_with_the_same_truth() -> None:
-    made = world(truth=True)
-    sensor = rooms.model(made)
-    late = list(rooms.states(made, ego, 82, others=[car]))[30:]
-    said = [stream_and_message(made)[1] for state in late for made in sensor.readings(state)]
-    assert said == [*pairs(made)[1]]

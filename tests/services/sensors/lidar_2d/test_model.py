@@ -9,7 +9,6 @@ import pytest
 from msgspec.structs import replace
 from scipy import stats
 
-from groundlink.messages.base import BadBusMessage, encode
 from groundlink.ros.cdr import to_cdr
 from groundlink.ros.message_sizes import body_bytes, fitting_block_deg
 from groundlink.ros.types import STORE
@@ -155,33 +154,6 @@ def test_a_bias_is_the_same_for_every_ray_and_scan() -> None:
     assert 1e-4 < abs(errors[0][0]) <= 0.02
 
 
-def test_same_seed_same_bytes() -> None:
-    def run(seed: int) -> list[bytes]:
-        made = planes.scenario(seed=seed, **HOKUYO, **NOISY)
-        return [encode(scan) for scan in planes.scans(made, DRIVING, ticks=82)]
-
-    assert run(1) == run(1)
-    assert not set(run(1)) & set(run(2))
-
-
-@pytest.mark.parametrize("scanner", [{}, HOKUYO, {**HOKUYO, "rotation_rate_hz": 15.0}])
-@pytest.mark.parametrize("start", [40, 47])
-def test_a_restart_goes_on_with_the_same_bytes(scanner: dict[str, Any], start: int) -> None:
-    made = planes.scenario(**scanner, **NOISY)
-    run = list(rooms.states(made, DRIVING, 162))
-    first, same = planes.model(made), planes.model(made)
-    whole = {s.stamp_nanos: encode(s) for state in run for s in first.readings(state)}
-    for state in run[:20]:
-        same.readings(state)
-    same.restart()
-    assert same.settled_tick() == -1
-    for model in (planes.model(made), same):
-        later = [(s.stamp_nanos, encode(s)) for state in run[start:] for s in model.readings(state)]
-        first_nanos = rooms.EPOCH_NANOS + start * 2_500_000
-        assert later == [item for item in whole.items() if item[0] >= first_nanos]
-        assert len(later) > 1
-
-
 def test_blocks_together_are_the_turn() -> None:
     whole = planes.scans(planes.scenario(**HOKUYO, **NOISY), DRIVING, ticks=41)
     parts = planes.scans(planes.scenario(**HOKUYO, **NOISY, block_deg=90.0), DRIVING, ticks=41)
@@ -211,15 +183,6 @@ def test_a_block_that_fits_is_a_part_of_the_view() -> None:
     # 120 degrees would fit, too, but 270 cannot be cut into them.
     large = replace(spec, firings_per_revolution=36000)
     assert fitting_block_deg(vehicle, large, GatewaySettings(datagram=420)) == 90
-
-
-def test_a_state_without_the_vehicle_is_refused() -> None:
-    made = planes.scenario()
-    model = planes.model(made)
-    (state,) = rooms.states(made, rooms.at_rest, 1)
-    with pytest.raises(BadBusMessage, match="tick 0: expected 4 link poses of `rover`"):
-        model.readings(replace(state, vehicles={}))
-    assert model.settled_tick() == -1
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from scipy import stats
 
 from groundlink.core.frames import quaternion_from_rpy
-from groundlink.messages.base import BadBusMessage, State, encode
+from groundlink.messages.base import State
 from groundlink.messages.imagery import Range
 from groundlink.scenario.schema import Scenario
 from groundlink.scenario.sensors import Mount
@@ -195,48 +195,3 @@ def test_failures_come_as_often_as_they_should_and_change_no_other_reading() -> 
     lost = np.isnan(some)
     assert stats.binomtest(int(lost.sum()), len(some), 0.25).pvalue > 0.001
     np.testing.assert_array_equal(np.array(whole)[~lost], np.array(some)[~lost])
-
-
-NOISY = {"range_stddev_m": 0.01, "turn_on_bias_m": 0.02, "dropout": 0.1}
-
-
-def test_same_seed_same_bytes_and_another_differs() -> None:
-    run = resting(800)
-    one, same, other = (
-        [encode(r) for r in readings(finder(yard(wall(2.0), seed=seed), **NOISY), run)]
-        for seed in (1, 1, 2)
-    )
-    assert one == same
-    assert sum(a == b for a, b in zip(one, other, strict=True)) < 4  # Both may have failed.
-
-
-@pytest.mark.parametrize("rate_hz", [400, 20, 30])
-@pytest.mark.parametrize("start", [1, 13, 14, 40, 201])
-def test_a_restart_goes_on_with_the_same_bytes(rate_hz: float, start: int) -> None:
-    ticks = np.arange(400)
-    run = list(moving(np.stack([ticks / 400, 0 * ticks, 0 * ticks], axis=1)))
-    made = yard(wall(2.5))
-    spec = {"rate_hz": rate_hz, "range_stddev_m": 0.01, "turn_on_bias_m": 0.02}
-    whole = {r.stamp_nanos: encode(r) for r in readings(finder(made, **spec), run)}
-    same = finder(made, **spec)
-    readings(same, run[:100])
-    same.restart()
-    assert same.settled_tick() == -1
-    for model in (finder(made, **spec), same):
-        later = [(r.stamp_nanos, encode(r)) for r in readings(model, run[start:])]
-        first_nanos = EPOCH_NANOS + start * 2_500_000
-        assert later == [item for item in whole.items() if item[0] >= first_nanos]
-
-
-def test_a_state_without_the_vehicle_is_refused() -> None:
-    (state,) = resting(1)
-    model = finder(yard(wall(2.0)))
-    with pytest.raises(BadBusMessage, match="tick 0: expected 3 link poses of `rover`"):
-        model.readings(replace(state, vehicles={}))
-    assert model.settled_tick() == -1
-    assert len(model.readings(state)) == 1
-
-
-def test_the_frame_has_the_vehicles_prefix() -> None:
-    (reading,) = readings(finder(yard(frame_prefix="rover/")), resting(1))
-    assert reading.frame == "rover/sonar_link"

@@ -30,7 +30,6 @@ from groundlink.scenario.schema import Vehicle
 from groundlink.scene.build import solids
 from services.physics.simulation.simulation import Simulation
 from services.sensors.imu.model import ImuModel
-from services.sensors.runtime.model import RememberingModel
 from services.sensors.wheel_odometry.model import UNKNOWN, WheelOdometryModel
 from tests.services.sensors.states import EPOCH_NANOS, WHEELS, scenario, states
 
@@ -213,28 +212,6 @@ def test_a_state_without_the_wheels_is_refused() -> None:
     (state,) = states(np.zeros((1, 3)))
     with pytest.raises(BadBusMessage, match="0 joint positions of `rover`"):
         odometry().readings(state)
-
-
-@pytest.mark.parametrize("rate_hz", [400, 50, 30])
-@pytest.mark.parametrize("at", [0, 1, 13, 40, 201])
-def test_a_successor_with_the_memory_goes_on_with_the_same_bytes(rate_hz: float, at: int) -> None:
-    random = np.random.default_rng(8)
-    left, right = np.cumsum(random.normal(0.001, 0.002, size=(2, 400)), axis=1)
-    with_faults = replace(
-        ENCODERS, missed_ticks=0.05, resets_s=(0.3,), scale_stddev=0.01, slip_stddev=0.05
-    )
-    run = rolled(left, right)
-    whole = {
-        r.stamp_nanos: encode(r) for r in readings(odometry(with_faults, rate_hz=rate_hz), run)
-    }
-    first = odometry(with_faults, rate_hz=rate_hz)
-    assert isinstance(first, RememberingModel)
-    settled = {r.stamp_nanos: encode(r) for r in readings(first, run[: at + 1])}
-    successor = odometry(with_faults, rate_hz=rate_hz)
-    successor.remember(first.memory())
-    later = readings(successor, run[first.settled_tick() :])
-    new = {r.stamp_nanos: encode(r) for r in later if r.stamp_nanos not in settled}
-    assert settled | new == whole
 
 
 def test_after_lost_states_it_goes_on_from_where_it_was() -> None:
