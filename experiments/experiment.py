@@ -44,14 +44,18 @@ class ExperimentOptions:
         return self.folder(self.figures) / f"{name}.png"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Experiment:
     """A row of the table."""
 
-    what: str
     run: Callable[[ExperimentOptions], Sequence[Evaluation]]
     minutes: float
     """Duration on two cores, with environments installed and nothing recorded."""
+
+    @property
+    def what(self) -> str:
+        """Return the first line of the docstring of `run`; "(6.1)" is a section of the paper."""
+        return (self.run.__doc__ or "").partition("\n")[0].removesuffix(".")
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
+import msgspec
+
 from experiments.output.console import Console
 
 from . import environments
@@ -102,17 +104,8 @@ def write_rows(file: Path, head: Sequence[str], rows: Iterable[Sequence[object]]
 
 def read_csv(file: Path) -> list[Evaluation]:
     """Return results as they were written."""
-    types = {"str": str, "int": int, "float": float}
     with file.open(encoding="utf-8", newline="") as stream:
-        return [
-            Evaluation(
-                **{
-                    field.name: types[str(field.type)](row[field.name])
-                    for field in fields(Evaluation)
-                }
-            )
-            for row in csv.DictReader(stream)
-        ]
+        return msgspec.convert([*csv.DictReader(stream)], list[Evaluation], strict=False)
 
 
 def median(results: Sequence[Evaluation], what: str = "ate_m") -> float:

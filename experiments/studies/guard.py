@@ -63,7 +63,10 @@ LISTENERS: dict[str, tuple[Estimator, ...]] = {
 
 
 def guard(options: ExperimentOptions) -> Sequence[Evaluation]:
-    """Show each fault to the programs that take its messages, and to direct tests."""
+    """Check that faults that are put into data on purpose are found.
+
+    Each fault is shown to the programs that take its messages, and to direct tests.
+    """
     seconds = SHORT_SECONDS if options.short else SECONDS
     recording = record_setup(options, dataclasses.replace(SETUP, seconds=seconds))
     results: list[Evaluation] = []

@@ -76,13 +76,13 @@ LIMIT_M = 0.05
 
 
 def mono(options: ExperimentOptions) -> Sequence[Evaluation]:
-    """Run ORB-SLAM3 on one camera at 30 Hz, given in real time."""
+    """Run ORB-SLAM3 on one camera at 30 Hz, given in real time (6.3)."""
     setup = drive(options, "indoor_mono", MONO, ROUNDED, SECONDS)
     return orb_slam3(options, _pictures(setup, *FEATURES))
 
 
 def rgbd(options: ExperimentOptions) -> Sequence[Evaluation]:
-    """Run ORB-SLAM3 on a depth camera."""
+    """Run ORB-SLAM3 on a depth camera (6.3)."""
     topics = {
         "--image": "/camera/color/image_raw/compressed",
         "--info": "/camera/color/camera_info",

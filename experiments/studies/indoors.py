@@ -58,7 +58,7 @@ SCANS_LIMIT_M = 0.02
 
 
 def scans(options: ExperimentOptions) -> Sequence[Evaluation]:
-    """Run 2D graph SLAM with loop closure on scans and odometry; odometry alone to compare."""
+    """Run 2D graph SLAM with loop closure on scans and odometry (6.3); compare odometry alone."""
     setup = drive(options, "indoor_scans", SCANS, seconds=SECONDS + STANDSTILL_S)
     results = []
     for seed in options.seeds:
@@ -86,7 +86,10 @@ def scans(options: ExperimentOptions) -> Sequence[Evaluation]:
 
 
 def clouds(options: ExperimentOptions) -> Sequence[Evaluation]:
-    """Run LiDAR and IMU, and LiDAR alone, on a LiDAR of 16 rings; once round and a bit more."""
+    """Run odometry by LiDAR and IMU, and by LiDAR alone, on 16 rings (6.3).
+
+    The drive is once round and a bit more.
+    """
     vehicle = shipped(SCENARIO)["vehicles"][0]
     points, speed_mps = vehicle["route"]["points"], vehicle["route"]["speed_mps"]
     lap = waypoints(vehicle["placement"], [*points, *points[:3]], speed_mps, CRAWL_M)

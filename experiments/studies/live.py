@@ -48,7 +48,12 @@ OCCUPIED, UNKNOWN, FREE = 0, 205, 254
 
 
 def slam(options: ExperimentOptions) -> Sequence[Evaluation]:
-    """Return the error of the poses that came back, for each seed."""
+    """Run 2D graph SLAM as a ROS node, in real time; its poses and map come back to the bus.
+
+    Returns
+    -------
+    For each seed, the error of the poses that came back.
+    """
     python = python_of(YAG_SLAM_LIVE, options.out, options.console)
     results = []
     for seed in options.seeds:

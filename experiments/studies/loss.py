@@ -63,7 +63,7 @@ Row = tuple[str, ...]
 
 
 def loss(options: ExperimentOptions) -> Sequence[Evaluation]:
-    """Run SLAM by clouds, and by scans, on data that came over each of the links."""
+    """Run SLAM by clouds, and by scans, on data that came over links that lose datagrams."""
     results: list[Evaluation] = []
     rows: list[Row] = []
     for link in LINKS:

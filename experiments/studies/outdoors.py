@@ -57,19 +57,22 @@ def road(speed_mps: float | None = None) -> dict[str, Any]:
 
 
 def lidar(options: ExperimentOptions) -> Sequence[Evaluation]:
-    """Run LiDAR and IMU, and LiDAR alone, over 170 m."""
+    """Run odometry by LiDAR and IMU, and by LiDAR alone, over 170 m of the road (6.4)."""
     setup = _drive(options, "outdoor_lidar", SECONDS, CLOUDS)
     return compare_estimators(options, setup, {IN_OPEN_COUNTRY: LIMIT_M, GICP: 0.0})
 
 
 def lap(options: ExperimentOptions) -> Sequence[Evaluation]:
-    """Run them over a whole lap: how far the end is from the start."""
+    """Run the same odometry over a closed lap of 370 m (6.4).
+
+    The result is how far the end is from the start.
+    """
     setup = _drive(options, "outdoor_lap", LAP_SECONDS, CLOUDS)
     return compare_estimators(options, setup, {IN_OPEN_COUNTRY: LIMIT_M, GICP: 0.0})
 
 
 def mono(options: ExperimentOptions) -> Sequence[Evaluation]:
-    """Run ORB-SLAM3 on one camera at 30 Hz, given in real time, over 170 m."""
+    """Run ORB-SLAM3 on one camera at 30 Hz, given in real time, over 170 m (6.4)."""
     pictures = CameraStudy(
         setup=_drive(options, "outdoor_mono", SECONDS, CAMERA),
         scenes=INDOORS,

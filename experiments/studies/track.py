@@ -45,7 +45,7 @@ def there_and_back(half_m: float, speed_mps: float, laps: int = 1) -> dict[str, 
 
 
 def checkpoints(options: ExperimentOptions) -> Sequence[Evaluation]:
-    """Sum squared distances at checkpoints, for two LiDARs."""
+    """Sum squared distances at checkpoints, for two LiDARs (6.2)."""
     results = []
     curves: dict[str, list[CheckpointError]] = {}
     for seed in options.seeds:
@@ -118,7 +118,7 @@ SHUTTERS: dict[str, tuple[str, tuple[str, ...]]] = {
 
 
 def shutter(options: ExperimentOptions) -> Sequence[Evaluation]:
-    """Compare sweeps of a fast drive with instantaneous pictures, all without errors of ranges."""
+    """Compare sweeps of a fast drive with instantaneous pictures (6.2), without range errors."""
     setup_sensors: Mapping[str, Any] = {
         "camera": None,
         "gnss": None,

@@ -47,7 +47,7 @@ def test_each_is_run_and_what_is_not_kept_is_said(
     code: int,
     not_kept: list[str],
 ) -> None:
-    table = {name: Experiment(what="", run=run, minutes=0) for name, run in runs.items()}
+    table = {name: Experiment(run, minutes=0) for name, run in runs.items()}
     monkeypatch.setattr(module, "EXPERIMENTS", table)
     assert module.main([*runs, "--out", str(tmp_path)]) == code
     said = capsys.readouterr()

@@ -45,7 +45,7 @@ def swept(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(options: ExperimentOptions) -> Sequence[Evaluation]:
         return [result(options)]
 
-    monkeypatch.setitem(module.EXPERIMENTS, "swept", Experiment(what="", run=run, minutes=0))
+    monkeypatch.setitem(module.EXPERIMENTS, "swept", Experiment(run, minutes=0))
 
 
 def test_each_combination_is_run_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
