@@ -80,8 +80,11 @@ print(json.dumps(results))
 
 
 @pytest.fixture(scope="module")
-def wheels(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """The wheels of both distributions, built from a copy without anything that was built here."""
+def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Folders with the installed wheel of each of our distributions.
+
+    Wheels are built from a copy without anything that was built here.
+    """
     source = tmp_path_factory.mktemp("source")
     built = shutil.ignore_patterns("__pycache__", "*.so", "build", "*.egg-info")
     for folder in ("groundlink", "services", "scenarios", "udp-bridge"):
@@ -90,14 +93,19 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
         shutil.copy(REPOSITORY / file, source)
     out = source / "wheels"
     _pip("wheel", "--no-deps", "--no-build-isolation", "-w", out, source, source / "udp-bridge")
-    return sorted(out.glob("*.whl"))
+    folders = {}
+    for name in ("groundlink", "udp-bridge"):
+        (wheel,) = out.glob(f"{name.replace('-', '_')}-*.whl")
+        folders[name] = source / "installed" / name
+        _pip("install", "--no-deps", "--no-index", "--target", folders[name], wheel)
+    return folders
 
 
 @pytest.mark.parametrize("extra", [None, *EXTRAS])
 def test_every_command_works_or_names_its_extra(
-    wheels: list[Path], tmp_path: Path, extra: str | None
+    installed: dict[str, Path], tmp_path: Path, extra: str | None
 ) -> None:
-    python = _environment(tmp_path / "environment", wheels, extra)
+    python = _environment(tmp_path / "environment", installed, extra)
     here = tmp_path / "here"
     here.mkdir()
     _inputs(here)
@@ -156,28 +164,27 @@ def _inputs(folder: Path) -> None:
     (folder / "cube.stl").write_text(f"solid s\n{triangle}\nendsolid s\n", encoding="ascii")
 
 
-def _environment(folder: Path, wheels: list[Path], extra: str | None) -> Path:
+def _environment(folder: Path, installed: dict[str, Path], extra: str | None) -> Path:
     """Return the Python of an environment with what `pip install groundlink[extra]` brings.
 
-    Dependencies are linked from this environment: no network is needed.
+    Ours are linked from where they were installed, dependencies from this environment: no network
+    is needed.
     """
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], check=True)
-    python = folder / "bin" / "python"
     site = next(folder.glob("lib/python*/site-packages"))
-    own, bridge = (next(w for w in wheels if w.name.startswith(n)) for n in ("groundlink", "udp"))
-    found: set[str] = set()
-    _pip("install", "--no-deps", "--no-index", "--no-compile", "--target", site, own)
-    ours = next(iter(metadata.distributions(name="groundlink", path=[str(site)])))
-    for name in _brought(ours, extra or "", found):
-        if name == "udp-bridge":
-            _pip("install", "--no-deps", "--no-index", "--no-compile", "--target", site, bridge)
-            continue
-        there = metadata.distribution(name)
-        tops = {file.parts[0] for file in there.files or () if file.parts[0] != ".."}
-        for top in tops - {"__pycache__"}:
+    own = installed["groundlink"]
+    ours = next(iter(metadata.distributions(name="groundlink", path=[str(own)])))
+    for name in ("groundlink", *_brought(ours, extra or "", set())):
+        if name in installed:
+            tops = {path.name: path for path in installed[name].iterdir()}
+        else:
+            there = metadata.distribution(name)
+            files = {file.parts[0] for file in there.files or () if file.parts[0] != ".."}
+            tops = {top: Path(str(there.locate_file(top))) for top in files}
+        for top in tops.keys() - {"__pycache__"}:
             if not (site / top).exists():
-                (site / top).symlink_to(Path(str(there.locate_file(top))).resolve())
-    return python
+                (site / top).symlink_to(tops[top].resolve())
+    return folder / "bin" / "python"
 
 
 def _brought(what: metadata.Distribution, extra: str, found: set[str]) -> Iterator[str]:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """CDR and ROS 1's bytes of every type of the wire, against rosbags, which does it another way."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ INTEGERS = {f"{u}int{bits}": (u, bits) for u in ("", "u") for bits in (8, 16, 32
 TEXTS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=12)
 
 
+@cache
 def primitives(name: str) -> st.SearchStrategy[Any]:
     if name == "string":
         return TEXTS
@@ -45,6 +47,7 @@ def numbers(name: str, draw: st.DrawFn, count: int) -> Any:
     return np.frombuffer(data, dtype)
 
 
+@cache
 @st.composite
 def messages(draw: st.DrawFn, name: str) -> Any:
     """Return any message of a type of ROS 2."""
@@ -63,6 +66,7 @@ def messages(draw: st.DrawFn, name: str) -> Any:
     return STORE.types[name](**values)
 
 
+@cache
 def one(kind: Nodetype, what: Any) -> st.SearchStrategy[Any]:
     if kind == Nodetype.BASE:
         return primitives(what[0])

@@ -34,7 +34,7 @@ def tilted_until_it_tips(model: VehicleModel, near_deg: float) -> float:
     tilt = 0.0
     with put(model) as simulation:
         while lean_deg(simulation) < TIPPED_DEG:
-            tilt += (4.0 if tilt < near_deg - 5.0 else 1.0) / 400
+            tilt += (12.0 if tilt < near_deg - 5.0 else 1.0) / 400
             down = GRAVITY_MPS2 * cos(radians(tilt))
             simulation._backend.set_gravity(  # type: ignore[attr-defined]
                 (0.0, -GRAVITY_MPS2 * sin(radians(tilt)), -down)

@@ -69,19 +69,20 @@ def tipping_deg(model: VehicleModel) -> float:
         return float(stored.sum() + weights @ (up * cos(slope) + across * sin(slope)))
 
     state, steepest = np.array([model.base_height_m, 0.0]), 0.0
-    for slope in np.arange(0.5, 80.0, 0.1):
-        found = minimize(
-            energy,
-            state,
-            (radians(slope),),
-            method="Nelder-Mead",
-            options={"xatol": 1e-7, "fatol": 1e-9, "initial_simplex": state + SIMPLEX},
-        )
-        if abs(found.x[1] - state[1]) > radians(5.0):
-            break
-        state, steepest = found.x, float(slope)
+    for step in (0.5, 0.1):
+        while steepest < 80.0:
+            found = minimize(
+                energy,
+                state,
+                (radians(steepest + step),),
+                method="Nelder-Mead",
+                options={"xatol": 1e-7, "fatol": 1e-9, "initial_simplex": state + SIMPLEX},
+            )
+            if abs(found.x[1] - state[1]) > radians(5.0):
+                break
+            state, steepest = found.x, steepest + step
     return steepest
 
 
 SIMPLEX = np.array([[0.0, 0.0], [1e-3, 0.0], [0.0, 2e-3]])
-"""Of a search from the equilibrium on a slope that is 0.1 degrees less steep."""
+"""Of a search from the equilibrium on a slope that is up to half a degree less steep."""
