@@ -133,6 +133,7 @@ def sensor_kinds() -> Mapping[str, SensorKind]:
     return kinds
 
 
+@cache
 def distribution_of(kind: str) -> str:
     """Return the name of the distribution that installs a kind."""
     (entry,) = entry_points(group=GROUP, name=kind)

@@ -13,6 +13,9 @@ from .solids import Box, Cylinder, Mesh, Shape, Solid
 Bounds = tuple[Floats, Floats]
 """Lowest and highest corner, each of shape (3,), meters."""
 
+_YZX, _ZXY = [1, 2, 0], [2, 0, 1]
+"""Axes in the two orders that the components of a cross product have them in."""
+
 
 def half_extents(shape: Shape) -> Floats:
     """Return half the lengths along the shape's own axes, shape (3,), meters."""
@@ -57,8 +60,9 @@ def intersect(first: Solid, second: Solid) -> bool:
     cross products of edges) are.
     """
     a, b = (matrix_from_quaternion(solid.orientation) for solid in (first, second))
-    across = np.cross(a.T[:, None], b.T[None]).reshape(9, 3)
-    axes = np.vstack([a.T, b.T, across])
+    # `np.cross` has the same bits and takes twice as long.
+    across = a.T[:, None, _YZX] * b.T[None, :, _ZXY] - a.T[:, None, _ZXY] * b.T[None, :, _YZX]
+    axes = np.vstack([a.T, b.T, across.reshape(9, 3)])
     reach = np.abs(axes @ a) @ half_extents(first.shape)
     reach += np.abs(axes @ b) @ half_extents(second.shape)
     apart = np.abs(axes @ (middle(second) - middle(first)))

@@ -2,6 +2,7 @@
 """The relay between real links on loopback, in this process and as a command."""
 
 import json
+import os
 import signal
 import socket
 import struct
@@ -16,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from groundlink.__main__ import main
 from groundlink.emulation import Impairment
 from groundlink.emulation.model import OUTCOMES
 from services.link import relay as module
@@ -236,20 +238,25 @@ def test_an_outage_of_the_command(stack: ExitStack) -> None:
         (["--set", "to_ros.loss=1"], "expected --run NAME as well"),
     ],
 )
-def test_mistakes_are_one_line(arguments: list[str], words: str) -> None:
+def test_mistakes_are_one_line(
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    arguments: list[str],
+    words: str,
+) -> None:
+    def in_place_of_this(program: str, command: list[str]) -> None:
+        sys.exit(subprocess.run(command, cwd=REPOSITORY, timeout=30, check=False).returncode)
+
+    monkeypatch.setattr(os, "execv", in_place_of_this)
     to = ["--to", "127.0.0.1:9"] if "--listen" in arguments else []
-    done = subprocess.run(
-        [sys.executable, "-m", "groundlink", "link", *arguments, *to],
-        cwd=REPOSITORY,
-        capture_output=True,
-        text=True,
-        timeout=30,
-        check=False,
-    )
-    assert done.returncode == 2
-    line = done.stderr.strip().splitlines()[-1]
-    assert words in line
-    assert "Traceback" not in done.stderr
+    try:
+        code = main(["link", *arguments, *to])
+    except SystemExit as end:
+        code = int(end.code or 0)
+    assert code == 2
+    error = capfd.readouterr().err
+    assert words in error.strip().splitlines()[-1]
+    assert "Traceback" not in error
 
 
 def test_a_port_in_use_is_one_line() -> None:

@@ -111,7 +111,7 @@ def _try(
         p = _cross(direction, edge2)
         determinant = _dot(edge1, p)
         inverse = 1 / np.where(determinant == 0, np.inf, determinant)
-        from_corner = [of - corner for of, corner in zip(origins[some].T[..., None], a, strict=True)]
+        from_corner = origins[some].T[..., None] - a[:, None]
         u = _dot(from_corner, p) * inverse
         q = _cross(from_corner, edge1)
         v = _dot(direction, q) * inverse
