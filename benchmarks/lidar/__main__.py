@@ -124,7 +124,7 @@ def room(rounds: int, scenario_file: Path) -> list[Claim]:
     scenario = load(scenario_file)
     lidars = [(v, s) for v in scenario.vehicles for s in v.sensors if isinstance(s, Lidar)]
     if not lidars:
-        raise UserError(f"{scenario_file} has no LiDAR")
+        raise UserError(f"{scenario_file}: `sensors`: expected a LiDAR, found none")
     vehicle, spec = lidars[0]
     ours = Runs(LidarModel(scenario, vehicle, spec), driving.states(scenario))
     bullet = driving.in_bullet(scenario)

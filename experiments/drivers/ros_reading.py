@@ -86,10 +86,12 @@ def mount(bag: Path, *, of: str, on: str) -> tuple[Floats, Floats]:
                 found[entry.child_frame_id] = place
     for frame in (of, on):
         if frame not in found:
-            raise SystemExit(f"{bag}: /tf_static does not say where {frame} is")
+            raise SystemExit(f"{bag}: /tf_static: no transform of frame {frame}")
     (parent, turned, moved), (other, base_turned, base_moved) = found[of], found[on]
     if parent != other:
-        raise SystemExit(f"{bag}: {of} is fixed to {parent}, {on} to {other}")
+        raise SystemExit(
+            f"{bag}: /tf_static: {of} is fixed to {parent}, {on} to {other}; expected one parent"
+        )
     return base_turned.T @ turned, base_turned.T @ (moved - base_moved)
 
 

@@ -128,7 +128,7 @@ def run(
             while process.poll() is None:
                 took_s = time.monotonic() - began_s
                 if took_s > limit_s:
-                    raise UserError(f"{label}: has not ended in {limit_s:g} s; see {log}")
+                    raise UserError(f"{label}: timeout after {limit_s:g} s; see {log}")
                 console.progress(f"{label}: {program.name} {_progress(log)}, {took_s:.0f} s")
                 time.sleep(0.1)
         finally:

@@ -84,7 +84,7 @@ def with_table(page: str, name: str, text: str) -> str:
     begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
     pattern = re.compile(re.escape(begin) + ".*?" + re.escape(end), re.DOTALL)
     if not pattern.search(page):
-        raise ValueError(f"{PAGE}: no {begin} with its {end}")
+        raise ValueError(f"{PAGE}: marks {begin} and {end} not found")
     return pattern.sub(lambda _: f"{begin}\n{text}\n{end}", page)
 
 

@@ -73,7 +73,7 @@ def _clocks(file: Path) -> tuple[int, int]:
         messages = make_reader(stream).iter_messages(["/clock"], log_time_order=False)
         times = [message.log_time for _, _, message in messages]
     if not times:
-        raise UserError(f"{file}: no clock is in it")
+        raise UserError(f"{file}: no /clock messages recorded")
     return min(times), max(times)
 
 

@@ -94,7 +94,9 @@ class Setup:
         """
         names = [sensor["name"] for sensor in self.document()["vehicles"][0]["sensors"]]
         if strange := [name for name in vary if name not in names]:
-            raise UserError(f"{self.name} has no sensor {strange[0]}; it has {', '.join(names)}")
+            raise UserError(
+                f"{self.name}: unknown sensor {strange[0]}; expected one of {', '.join(names)}"
+            )
         sensors = dict(self.sensors)
         for name, changes in vary.items():
             sensors[name] = {**(sensors.get(name) or {}), **changes}

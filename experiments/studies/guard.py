@@ -102,7 +102,7 @@ def guard(options: ExperimentOptions) -> Sequence[Evaluation]:
         [_row(name, quantity) for name, quantity in rows if not (name and quantity.holds)],
     )
     if missed:
-        raise UserError("guard: not as it has to be: " + "; ".join(missed))
+        raise UserError("guard: expectations not met: " + "; ".join(missed))
     return results
 
 

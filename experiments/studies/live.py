@@ -116,19 +116,21 @@ def _run(
                     told = last_json(folder / "node.log")
                     options.console.progress(f"{label}: {told}")
                     if slam_node.poll() is not None:
-                        raise UserError(f"{label}: the node has ended; see {folder / 'node.log'}")
+                        raise UserError(f"{label}: the node ended early; see {folder / 'node.log'}")
                     time.sleep(LOOK_S)
         if supervisor.returncode:
-            raise UserError(f"{label}: the run has failed; see {folder / 'up.log'}")
+            raise UserError(f"{label}: the run failed; see {folder / 'up.log'}")
     told = last_json(folder / "node.log")
     options.console.print(f"{label}: {told}; {len(poses)} poses and {len(maps)} maps came back")
     if told["late"] or not len(poses) or not len(maps):
-        raise UserError(f"{label}: the node did not keep up, or nothing came back; see {folder}")
+        raise UserError(
+            f"{label}: the node did not keep up, or published no pose or map; see {folder}"
+        )
     map_yaml = _write(folder, poses, maps)
     came = read_tum(folder / "poses.tum").seconds
     sent = read_tum(folder / "graph.tum").between(came[0] - MOMENT_S, came[-1] + MOMENT_S)
     if len(sent.seconds) != len(came):
-        raise UserError(f"{label}: {len(came)} of {len(sent.seconds)} poses came back")
+        raise UserError(f"{label}: {len(came)} of {len(sent.seconds)} poses arrived on the bus")
     write_tum(folder / "truth.tum", truth_of(bus_file, loaded(folder)))
     return RecordedRun(folder), map_yaml
 
@@ -148,7 +150,7 @@ def _joined(endpoint: str, supervisor: subprocess.Popen[str], folder: Path) -> B
             return Bus(connect=endpoint, observer=True)
         except BusError:
             time.sleep(LOOK_S)
-    raise UserError(f"live: there is no bus at {endpoint}; see {folder / 'up.log'}")
+    raise UserError(f"live: no bus at {endpoint}; see {folder / 'up.log'}")
 
 
 def _write(folder: Path, poses: BusInbox[PoseStamped], maps: BusInbox[OccupancyGrid]) -> Path:

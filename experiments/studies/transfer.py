@@ -41,7 +41,7 @@ def transfer(options: ExperimentOptions) -> Sequence[Evaluation]:
             f"transfer: no rosbridge goes along; {ROSBRIDGE} would name its program"
         )
     if subprocess.run([sys.executable, *command], cwd=ROOT, check=False).returncode:
-        raise UserError("transfer: it could not be measured; what is said above says why")
+        raise UserError("transfer: nothing was measured; the lines above have the cause")
     rows = json.loads(file.read_text(encoding="utf-8"))["latency"]
     ways = list(rows[0]["ms"])
     write_rows(

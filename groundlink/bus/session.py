@@ -81,7 +81,7 @@ class Bus:
         for endpoint in filter(None, (connect, listen)):
             if not _ENDPOINT.match(endpoint):
                 raise BusError(
-                    f"`{endpoint}` is no endpoint; expected PROTOCOL/HOST:PORT such as "
+                    f"`{endpoint}`: not an endpoint; expected PROTOCOL/HOST:PORT such as "
                     "tcp/HOST:7447"
                 )
         credentials = None if foreign else from_environment(os.environ)

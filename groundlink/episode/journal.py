@@ -243,7 +243,7 @@ def loaded(content: bytes, where: str) -> Journal:
     line, newline, _ = content[:_FIRST_LINE_BYTES].partition(b"\n")
     words = line.removeprefix(_FIRST_LINE).split()
     if not line.startswith(_FIRST_LINE) or not newline or len(words) != 2 or not words[0].isdigit():
-        raise JournalError(f"{where}: no saved run; expected a file of `groundlink save`")
+        raise JournalError(f"{where}: not a saved run; expected a file of `groundlink save`")
     if int(words[0]) != VERSION:
         raise JournalError(
             f"{where}: unsupported format; expected {VERSION}, got {int(words[0])}. Fix: restore "

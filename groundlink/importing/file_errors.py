@@ -35,7 +35,7 @@ def reading(file: Path, kind: str) -> Iterator[None]:
         if error.name not in ("PIL", "trimesh"):  # an optional dependency of trimesh
             raise BadFile(f"{file}: not a valid {kind}") from None
         raise RequirementError(
-            f"{file}: reading a {kind} needs `{error.name}`; pip install 'groundlink[physics]'"
+            f"{file}: reading a {kind} needs `{error.name}`. Fix: pip install 'groundlink[physics]'"
         ) from None
     except FileNotFoundError:
         raise BadFile(f"{file}: there is no such file") from None

@@ -42,7 +42,7 @@ def read(file: Path) -> tuple[Floats, Floats | None]:
     elif form == "binary_compressed":
         fields = _from_columns(_decompressed(content[start:]), layout, count)
     else:
-        raise ValueError(f"its DATA is `{form}`")
+        raise ValueError(f"unknown DATA format `{form}`")
     positions = np.stack([fields[axis][:, 0] for axis in ("x", "y", "z")], axis=-1)
     return positions.astype(np.float64), _colors(fields)
 
@@ -58,7 +58,7 @@ def _header(content: bytes) -> tuple[dict[str, list[str]], int]:
         header[key] = words
         if key == "DATA":
             return header, start
-    raise ValueError("there is no line DATA in its header")
+    raise ValueError("no DATA line in the header")
 
 
 def _layout(header: dict[str, list[str]]) -> tuple[np.dtype[np.void], int]:
@@ -109,7 +109,7 @@ def _decompressed(body: bytes) -> bytes:
     size, expected = np.frombuffer(body, "<u4", 2).tolist()
     packed = body[8 : 8 + size]
     if expected > MAX_COMPRESSION * len(packed) or len(packed) < size:
-        raise ValueError("its compressed data are cut off")
+        raise ValueError("compressed data are truncated")
     out = bytearray()
     at = 0
     while at < size:
@@ -127,11 +127,11 @@ def _decompressed(body: bytes) -> bytes:
         at += 1
         start = len(out) - back
         if start < 0:
-            raise ValueError("its compressed data are broken")
+            raise ValueError("compressed data are damaged")
         for k in range(start, start + length + 2):  # The source may overlap the copy.
             out.append(out[k])
     if len(out) != expected:
-        raise ValueError("its compressed data are broken")
+        raise ValueError("compressed data are damaged")
     return bytes(out)
 
 

@@ -107,7 +107,9 @@ def addition(
     else:
         kind, part = load_partial(given, words=KINDS, warn=warn)
         if kind is FileKind.SCENARIO:
-            raise ScenarioError(f"`{given}` is a scenario; expected a vehicle or a world's things")
+            raise ScenarioError(
+                f"`{given}`: a scenario; expected a vehicle, or a world with `solids` or `actors`"
+            )
         called = part.vehicles[0].model.name if part.vehicles else part.world.name
         more = _of(part, given)
     if name is None:
@@ -121,10 +123,10 @@ def _of(part: Scenario, given: str) -> Addition:
     plain = replace(world, solids=(), actors=(), materials={})
     if not part.vehicles and plain != World(name=world.name, materials={}):
         raise ScenarioError(
-            f"`{given}`: only `solids`, `actors` and `materials` of a world can be put into a run"
+            f"`{given}`: only `solids`, `actors` and `materials` of a world can be added to a run"
         )
     if not (part.vehicles or world.solids or world.actors):
-        raise ScenarioError(f"`{given}`: there is nothing in it; expected `solids` or `actors`")
+        raise ScenarioError(f"`{given}`: nothing to add; expected `solids` or `actors`")
     return Addition(world.solids, world.actors, part.vehicles, world.materials)
 
 
@@ -166,7 +168,7 @@ def _placed(more: Addition, at: SpawnPlace, ground: Ground | None) -> Addition:
     """Put the origin of an addition on the ground at a place."""
     height_m = 0.0 if ground is None else float(ground.height_at(at.x_m, at.y_m))
     if isnan(height_m):
-        raise UserError(f"--at {at.x_m:g},{at.y_m:g} is beside the terrain")
+        raise UserError(f"--at {at.x_m:g},{at.y_m:g} is outside the terrain")
     half = radians(at.yaw_deg) / 2
     turn = (0.0, 0.0, sin(half), cos(half))
     rotation = matrix_from_quaternion(turn)

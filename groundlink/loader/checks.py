@@ -89,7 +89,7 @@ def _take(use: _Use, first: dict[str, _Use], document: Document) -> None:
         where = f" ({document.mark(other.path)})" if other.path else ""
         raise ScenarioError(
             f"{document.mark(use.path)}: {use.whose}: the topic `{use.topic}` is taken by "
-            f"{other.whose}{where}; expected a topic of its own"
+            f"{other.whose}{where}. Fix: choose another topic"
         )
 
 
@@ -132,8 +132,8 @@ def check_speeds(route: Route, model: VehicleModel, document: Document, path: Da
     """
     if isinstance(route, ThereAndBack) and model.least_radius_m:
         raise ScenarioError(
-            f"{document.mark(path)}: `{dotted(path)}`: `{model.name}` cannot turn on the spot; "
-            "expected another kind than `there_and_back`"
+            f"{document.mark(path)}: `{dotted(path)}`: `{model.name}` cannot turn in place; "
+            "expected a kind other than `there_and_back`"
         )
     most = model.top_speed_mps
     asked: list[tuple[DataPath, float | None]] = [((*path, "speed_mps"), route.speed_mps)]
@@ -144,14 +144,16 @@ def check_speeds(route: Route, model: VehicleModel, document: Document, path: Da
         if speed is not None and speed > most:
             raise ScenarioError(
                 f"{document.mark(where)}: `{dotted(where)}`: {speed:g} m/s is more than the "
-                f"{most:.2f} m/s that `{model.name}` can drive; ask for less"
+                f"{most:.2f} m/s that `{model.name}` can drive. Fix: lower it"
             )
 
 
 def _free(document: Document, path: DataPath, name: str, reserved: frozenset[str]) -> None:
     if name in reserved:
         mark = document.mark(path)
-        raise ScenarioError(f"{mark}: `{name}` names a key of the bus; choose another name")
+        raise ScenarioError(
+            f"{mark}: `{name}`: reserved for a key of the bus. Fix: choose another name"
+        )
 
 
 def _unique(
@@ -160,4 +162,4 @@ def _unique(
     for i, name in enumerate(names):
         if name in names[:i] or name in taken:
             mark = document.mark((*path, i, "name"))
-            raise ScenarioError(f"{mark}: the name `{name}` is taken; choose another")
+            raise ScenarioError(f"{mark}: the name `{name}` is taken. Fix: choose another")

@@ -154,7 +154,7 @@ def _plain(node: yaml.Node, path: DataPath, document: Document, file: Path) -> A
             key = str(key_node.value)
             line = key_node.start_mark.line + 1
             if key in result:
-                raise ScenarioError(f"{file}:{line}: `{key}` is given twice; keep one")
+                raise ScenarioError(f"{file}:{line}: `{key}`: duplicate key. Fix: keep one")
             result[key] = _plain(value_node, (*path, key), document, file)
             document.marks[(*path, key)] = SourceLine(file, line)
         return result

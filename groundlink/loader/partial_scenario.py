@@ -83,7 +83,7 @@ def partial_file(given: str, words: Iterable[str] = ()) -> Path:
     shipped = {file.stem for folder in FOLDERS for file in (SHIPPED / folder).glob("*.yaml")}
     raise ScenarioError(
         f"no world, vehicle or scenario `{given}` is shipped; "
-        f"{did_you_mean(given, shipped | {*words})}; or give a file with a `.yaml` name"
+        f"{did_you_mean(given, shipped | {*words})}; or pass a file whose name ends in .yaml"
     )
 
 
@@ -97,6 +97,6 @@ def _kind(document: Document) -> FileKind:
         if keys & typical:
             return kind
     raise ScenarioError(
-        f"{document.mark(())}: this is no scenario (`vehicles`), no vehicle (`drive`) and no world "
+        f"{document.mark(())}: expected a scenario (`vehicles`), a vehicle (`drive`) or a world "
         "(`materials`)"
     )

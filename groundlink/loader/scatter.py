@@ -119,7 +119,8 @@ def place_scatter(document: Document) -> None:
             fields = _throw(scatter, generator, here, np.array(taken).reshape(-1, 4))
             if fields is None:
                 raise ScenarioError(
-                    f"{mark}: `scatter`: only {number} of {scatter.count} found a free place"
+                    f"{mark}: `scatter`: free space for {number} of {scatter.count} objects only. "
+                    "Fix: lower `count`"
                 )
             taken.append((*fields["at_m"], *fields["at_m"]))
             document.marks[(*OUTDOORS, len(listed))] = mark

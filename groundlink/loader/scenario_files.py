@@ -108,7 +108,8 @@ def read_route(given: str) -> Document:
     """
     if not given.endswith((".yaml", ".yml")):
         raise ScenarioError(
-            f"no figure `{given}`; {did_you_mean(given, FIGURES)}, or a file with a `.yaml` name"
+            f"no figure `{given}`; {did_you_mean(given, FIGURES)}, or pass a file whose "
+            "name ends in .yaml"
         )
     return read(Path(given))
 
@@ -184,7 +185,7 @@ def find_file(reference: str, folder: str, beside: Path) -> Path:
         if place.is_file():
             return place
     if Path(name).is_absolute():
-        raise ScenarioError(f"there is no file `{name}`")
+        raise ScenarioError(f"`{name}`: no such file")
     shipped = [file.stem for file in (SHIPPED / folder).glob("*.yaml")]
     if folder == SHEETS:
         shipped += [place.stem for sheets in sheet_folders() for place in sheets.glob("*.yaml")]
@@ -202,7 +203,7 @@ def read_datasheet(file: Path) -> Document:
     """
     sheet = read(file)
     if not isinstance(sheet.value, dict) or not isinstance(sheet.value.get("kind"), str):
-        raise ScenarioError(f"{sheet.mark(())}: a data sheet is a mapping with a `kind`")
+        raise ScenarioError(f"{sheet.mark(())}: not a data sheet; expected a mapping with `kind`")
     return sheet
 
 
@@ -243,7 +244,7 @@ def _place_on_mount(document: Document, path: DataPath, model: Any) -> None:
         if mount not in mounts:
             mark = document.mark((*path, "mount"))
             raise ScenarioError(
-                f"{mark}: `mount`: no mount `{mount}`; {did_you_mean(mount, mounts)}"
+                f"{mark}: `mount`: unknown mount `{mount}`; {did_you_mean(mount, mounts)}"
             )
         document.at(path)["mount"] = mounts[mount]
 
@@ -270,6 +271,6 @@ def _merge_materials(document: Document) -> None:
             elif name in added and document.at(added[name]) != material:
                 raise ScenarioError(
                     f"{document.mark(here)}: another `{name}` is defined by the vehicle at "
-                    f"{document.mark(added[name])}; rename one, or list `{name}` in the "
-                    "world's materials, which then counts for both"
+                    f"{document.mark(added[name])}. Fix: rename one, or list `{name}` in the "
+                    "world's materials, which overrides both"
                 )

@@ -47,7 +47,7 @@ def place_solids(document: Document) -> None:
         height_m = float(here.height_at(x, y))
         if math.isnan(height_m):
             mark = document.mark((*SOLIDS, index, "position_m"))
-            raise ScenarioError(f"{mark}: `position_m` is beside the terrain; move it")
+            raise ScenarioError(f"{mark}: `position_m` is outside the terrain. Fix: move it")
         solid["position_m"] = [x, y, z + round(height_m, 3)]
 
 
@@ -76,5 +76,7 @@ def place_outdoors(document: Document) -> None:
         heights = here.height_at(*zip(*thing.feet(), strict=True)).tolist()
         if any(map(math.isnan, heights)):
             mark = document.mark((*OUTDOORS, index))
-            raise ScenarioError(f"{mark}: `outdoors`: this stands beside the terrain; move it")
+            raise ScenarioError(
+                f"{mark}: `outdoors`: an object stands outside the terrain. Fix: move it"
+            )
         fields.update(thing.ground_fields(heights))

@@ -61,7 +61,7 @@ def address(text: str) -> tuple[str, int]:
     """
     host, _, port = text.rpartition(":")
     if not host or not port.isdecimal() or int(port) > 65535:
-        raise UserError(f"`{text}` is no address; expected HOST:PORT such as 127.0.0.1:7511")
+        raise UserError(f"`{text}`: not an address; expected HOST:PORT such as 127.0.0.1:7511")
     try:
         return socket.gethostbyname(host), int(port)
     except OSError:

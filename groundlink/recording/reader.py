@@ -69,7 +69,7 @@ class Recording:
             self._file.close()
             raise UserError(
                 f"{path}: not a recording of a run: {_reason(error)}; expected an MCAP file that "
-                "`groundlink record` wrote. One without its end is mended by `mcap recover`"
+                "`groundlink record` wrote. Fix: repair a truncated file with `mcap recover`"
             ) from None
 
     def _read(self) -> None:
@@ -78,7 +78,7 @@ class Recording:
         records = {record.name: record.metadata for record in self._reader.iter_metadata()}
         if summary is None or summary.statistics is None or RUN_RECORD not in records:
             raise UserError(
-                f"{self.path}: an MCAP file, but not of a run; `groundlink record` writes such"
+                f"{self.path}: an MCAP file without a run; expected a file of `groundlink record`"
             )
         self.run: RunFacts = run_facts(records[RUN_RECORD])
         self.topics: dict[str, TopicFacts] = topic_facts(records.get(TOPICS_RECORD, {}))

@@ -108,7 +108,7 @@ def from_vitals(array: Any) -> Vitals:
     try:
         tick, work, braked = (facts[name] for name in ("tick", "motor_work_j", "braked_j"))
     except KeyError as error:
-        raise ValueError(f"no {error} among its values") from None
+        raise ValueError(f"no value {error}") from None
     battery = msgspec.json.decode(facts[_BATTERY], type=BatteryState) if _BATTERY in facts else None
     return Vitals(
         nanos(array.header.stamp), vehicle, int(tick), float(work), float(braked), contacts, battery
@@ -128,7 +128,7 @@ def from_faults(array: Any) -> Faults:
     """Return the faults in a DiagnosticArray of their codec; ValueError if it has another form."""
     sensor, facts = _the_only(array)
     if "tick" not in facts:
-        raise ValueError("no `tick` among its values")
+        raise ValueError("no value `tick`")
     active = tuple(
         msgspec.json.decode(value, type=Fault)
         for key, value in facts.items()

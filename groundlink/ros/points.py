@@ -74,7 +74,7 @@ def _bodies(message: Bodies) -> dict[str, Any]:
 
 def _bodies_of(ros: Any, moment: Moment) -> Bodies:
     if not ros.transforms:
-        raise ValueError("no transform in it, expected one for each body")
+        raise ValueError("no transforms; expected one for each body")
     poses = [
         (*xyz(one.transform.translation), *xyzw(one.transform.rotation)) for one in ros.transforms
     ]

@@ -46,7 +46,7 @@ class Optics(SensorSpec, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         if self.intrinsics and (self.horizontal_fov_deg or self.vertical_fov_deg):
-            raise ValueError("`intrinsics` and an angle of view are both given; choose one")
+            raise ValueError("`intrinsics` and a field of view are both given. Fix: keep one")
         if self.imager.span_s * self.rate_hz > 1:
             raise ValueError(
                 f"`exposure_s` and `readout_s` make {self.imager.span_s:g} s; expected up to "
@@ -97,7 +97,7 @@ class Camera(Optics, frozen=True, tag="camera", kw_only=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.encoding.startswith("bayer") and self.publish != "raw":
-            raise ValueError("a bayer pattern does not survive JPEG; add `publish: raw`")
+            raise ValueError("JPEG does not preserve a bayer pattern. Fix: add `publish: raw`")
 
     def ros_topics(self) -> dict[str, str]:
         """Return the camera's image_transport topics and the topic of its CameraInfo."""

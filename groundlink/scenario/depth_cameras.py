@@ -81,7 +81,7 @@ class DepthCamera(Optics, frozen=True, tag="depth_camera", kw_only=True):
             )
         if (self.disparity_stddev_px or self.edge_holes_px) and not self.baseline_m:
             raise ValueError(
-                "`disparity_stddev_px` and `edge_holes_px` are of a stereo pair; add `baseline_m`"
+                "`disparity_stddev_px` and `edge_holes_px` need stereo. Fix: add `baseline_m`"
             )
 
     def ros_topics(self) -> dict[str, str]:

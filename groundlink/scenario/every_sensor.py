@@ -93,7 +93,7 @@ class RepairBy(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         if (self.fec is None) == (self.resend is None):
-            raise ValueError("expected `fec: share` or `resend: seconds`, one of the two")
+            raise ValueError("expected either `fec: SHARE` or `resend: SECONDS`")
 
 
 Repair = Literal["none", "resend"] | RepairBy

@@ -46,7 +46,7 @@ class Joint(Spec, frozen=True, kw_only=True):
             raise ValueError("`axis` is zero; expected a direction")
         low, high = self.limits
         if not low <= 0.0 <= high:
-            raise ValueError("`lower` to `upper` leaves out 0, where a joint starts")
+            raise ValueError("`lower` to `upper` excludes 0, where a joint starts")
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -73,7 +73,7 @@ def check(joints: Sequence[Joint], others: Sequence[str]) -> None:
     known: set[str] = set()
     for joint in joints:
         if joint.name in known or joint.name in others:
-            raise ValueError(f"two joints or wheels are called `{joint.name}`; expected own names")
+            raise ValueError(f"two joints or wheels are named `{joint.name}`. Fix: rename one")
         if joint.parent is not None and joint.parent not in known:
             raise ValueError(
                 f"`joints`: `{joint.name}` has the parent `{joint.parent}`; expected an earlier "

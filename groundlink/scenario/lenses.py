@@ -92,12 +92,14 @@ class Imager(Spec, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         if self.read_noise_electrons and not self.full_well_electrons:
-            raise ValueError("`read_noise_electrons` needs `full_well_electrons` to measure by")
+            raise ValueError("`read_noise_electrons` needs `full_well_electrons`")
         moves = self.exposure_s or self.readout_s
         if self.poses > 1 and not moves:
-            raise ValueError("`poses` above 1 needs `exposure_s` or `readout_s` to spread over")
+            raise ValueError("`poses` above 1 needs `exposure_s` or `readout_s`")
         if self.readout_s and self.poses == 1:
-            raise ValueError("`readout_s` needs `poses` above 1, as rows differ by them")
+            raise ValueError(
+                "`readout_s` needs `poses` above 1: rows are rendered at different poses"
+            )
 
     @property
     def span_s(self) -> float:

@@ -118,7 +118,7 @@ class TfTree(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         if self.map == "truth" and not self.odom:
-            raise ValueError("`map: truth` needs `odom: true`: it tells the rest of the way")
+            raise ValueError("`map: truth` needs `odom: true`, which publishes the transform below")
 
 
 class RmwZenoh(Spec, frozen=True):
@@ -162,4 +162,4 @@ class GatewaySettings(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         if self.key_file is not None and self.key_env is not None:
-            raise ValueError("`key_file` and `key_env` are both given; choose one")
+            raise ValueError("`key_file` and `key_env` are both given. Fix: keep one")

@@ -44,7 +44,7 @@ class Waypoints(RouteSpec, frozen=True, tag="waypoints", kw_only=True):
 
     def __post_init__(self) -> None:
         if self.laps > 1 and not self.closed:
-            raise ValueError("`laps` needs `closed: true`: from the last point back to the first")
+            raise ValueError("`laps` needs `closed: true`, which joins the last point to the first")
         if self.closed and len(self.points) < 2:
             raise ValueError("`closed` needs two points or more")
 

@@ -197,7 +197,7 @@ class SkidSteer(SideSteered, frozen=True, tag="skid_steer"):
         """Refuse casters."""
         super().check(wheels)
         if caster := next((wheel for wheel in wheels if wheel.caster), None):
-            raise ValueError(f"`{caster.name}` is a caster; with them the drive is `differential`")
+            raise ValueError(f"`{caster.name}` is a caster, which only a `differential` drive has")
 
 
 class Differential(SideSteered, frozen=True, tag="differential"):
@@ -298,7 +298,9 @@ class Ackermann(DriveSpec, frozen=True, tag="ackermann", kw_only=True):
         pivot_x_m = self.pivot_x_m(wheels)
         for wheel in wheels:
             if wheel.name in self.steered and wheel.center_m[0] <= pivot_x_m:
-                raise ValueError(f"`{wheel.name}` is steered, but does not stand before the others")
+                raise ValueError(
+                    f"`{wheel.name}` is steered, but is not in front of the other wheels"
+                )
 
 
 Drive = SkidSteer | Differential | Tracked | Ackermann

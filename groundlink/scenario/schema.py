@@ -212,21 +212,21 @@ class Time(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         if isinf(self.factor):
-            raise ValueError("`factor` is infinite; `mode: fast` has no wall clock to keep to")
+            raise ValueError("`factor` is infinite. Fix: use `mode: fast`, which has no pace")
         if not isfinite(self.deadline_s):
             raise ValueError(
-                f"`deadline_s` is {self.deadline_s}; expected seconds, such as 5.0; with "
-                "`overload: slow` a run in lockstep is waited for however long it takes"
+                f"`deadline_s` is {self.deadline_s}; expected finite seconds, such as 5.0; with "
+                "`overload: slow`, lockstep has no deadline"
             )
         if self.lockstep == "ros":
             if self.mode == "realtime":
                 raise ValueError(
-                    "`lockstep: ros` waits for ROS, and `mode: realtime` never does; choose "
-                    "`mode: lockstep` or `fast`, or leave `lockstep` out"
+                    "`lockstep: ros` waits for ROS, but `mode: realtime` never waits. Fix: use "
+                    "`mode: lockstep` or `fast`, or omit `lockstep`"
                 )
             if (TICK_RATE_HZ / exact(self.clock_rate_hz)).denominator > 1:
                 raise ValueError(
-                    "`lockstep: ros` steps from one message of the clock to the next, which takes "
+                    "`lockstep: ros` steps from one clock message to the next, which needs "
                     f"a `clock_rate_hz` that divides {TICK_RATE_HZ}, such as 50, 100 or 200"
                 )
 

@@ -69,8 +69,8 @@ class Chassis(Spec, frozen=True, kw_only=True):
         moments = self.inertia_kgm2 or (0.0,)
         if (largest := max(moments)) > ROUNDED * (sum(moments) - largest):
             raise ValueError(
-                f"no body has an `inertia_kgm2` of {list(moments)}: none of the three is above the "
-                "sum of the others; leave it out for that of the box"
+                f"no body has an `inertia_kgm2` of {list(moments)}: expected none above the "
+                "sum of the others. Fix: omit it to use the box's"
             )
 
 
@@ -104,7 +104,7 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         names = [wheel.name for wheel in self.wheels]
         if len(set(names)) < len(names):
-            raise ValueError("two `wheels` have one name; give each its own")
+            raise ValueError("two `wheels` have the same name. Fix: rename one")
         for wheel in self.wheels:
             spring = wheel.suspension or self.suspension
             # Limits for a wheel in the air: a numerically stable step keeps its oscillation from

@@ -97,11 +97,13 @@ def solids(scenario: Scenario) -> tuple[Solid, ...]:
     names = {terrain.BODY} if world.terrain else set()
     for body in link_bodies(scenario):
         if body in names:
-            raise WorldError(("world", "actors"), f"there are two bodies called `{body}`")
+            raise WorldError(("world", "actors"), f"two bodies are named `{body}`. Fix: rename one")
         names.add(body)
     for solid in built:
         if solid.name in names:
-            raise WorldError(("world", "solids"), f"there are two bodies called `{solid.name}`")
+            raise WorldError(
+                ("world", "solids"), f"two bodies are named `{solid.name}`. Fix: rename one"
+            )
         names.add(solid.name)
     return tuple(built)
 

@@ -50,11 +50,14 @@ def with_more(
     taken = [*_names(scenario), *(solid.name for solid in standing)]
     for name in more.names():
         if name in taken:
-            raise UserError(f"the name `{name}` is taken; give another one by --name")
+            raise UserError(f"the name `{name}` is taken. Fix: choose another name with --name")
         taken.append(name)
     for vehicle in more.vehicles:
         if vehicle.name in RESERVED_NAMES:
-            raise UserError(f"`{vehicle.name}` names a key of the bus; give another by --name")
+            raise UserError(
+                f"`{vehicle.name}` is reserved for a key of the bus. Fix: choose another name with "
+                "--name"
+            )
     frozen = _frozen(scenario)
     world = frozen.world
     changed = replace(
@@ -86,17 +89,18 @@ def without(scenario: Scenario, name: str) -> Scenario:
     world = frozen.world
     vehicles = tuple(vehicle for vehicle in frozen.vehicles if vehicle.name != name)
     if not vehicles:
-        raise UserError(f"`{name}` is the run's only vehicle; spawn another one first")
+        raise UserError(f"`{name}` is the run's only vehicle. Fix: spawn another one first")
     actors = tuple(actor for actor in world.actors if actor.name != name)
     left = tuple(solid for solid in world.solids if not f"{solid.name}_".startswith(f"{name}_"))
     changed = replace(frozen, vehicles=vehicles, world=replace(world, actors=actors, solids=left))
     if changed == frozen:
         if any(f"{solid.name}_".startswith(f"{name}_") for solid in solids(scenario)):
             raise UserError(
-                f"`{name}` is of the room, the furniture or what stands outdoors, which stays"
+                f"`{name}` is part of the world and cannot be removed; expected a vehicle, "
+                "solid or actor"
             )
         known = [*_names(frozen), *(solid.name for solid in world.solids)]
-        raise UserError(f"there is no `{name}`; {did_you_mean(name, known)}")
+        raise UserError(f"no vehicle or object `{name}`; {did_you_mean(name, known)}")
     return changed
 
 
@@ -149,8 +153,8 @@ def _check_floor(
             return
     x_m, y_m, _ = bodies[0].position_m
     raise UserError(
-        f"`{name}` would be at {x_m:g}, {y_m:g}, beside all that stands in this world; choose "
-        "another place by --at"
+        f"`{name}` would be at {x_m:g}, {y_m:g}, outside this world. Fix: choose "
+        "another place with --at"
     )
 
 
@@ -160,4 +164,4 @@ def _check_free(name: str, bodies: Sequence[Solid], there: Sequence[Solid]) -> N
         x, y, z = body.position_m
         lifted.append(replace(body, position_m=(x, y, z + RESTS_M)))
     if (other := first_overlap(lifted, there)) is not None:
-        raise UserError(f"`{name}` would be inside `{other}`; choose another place by --at")
+        raise UserError(f"`{name}` would be inside `{other}`. Fix: choose another place with --at")

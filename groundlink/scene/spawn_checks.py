@@ -69,7 +69,7 @@ def check_vehicle(
         )
         raise WorldError(
             path,
-            f"`{vehicle.name}` starts beside the terrain; expected x_m from {east} and y_m from "
+            f"`{vehicle.name}` starts outside the terrain; expected x_m from {east} and y_m from "
             f"{north}",
         )
     if ground is not None and place.z_m < 0:
@@ -80,7 +80,7 @@ def check_vehicle(
     there = list(there)
     bodies = vehicle_bodies(vehicle.name, vehicle.model, *spawn_pose(vehicle, ground))
     if (other := first_overlap(bodies, there)) is not None:
-        raise WorldError(path, f"`{vehicle.name}` starts inside `{other}`; move it")
+        raise WorldError(path, f"`{vehicle.name}` starts inside `{other}`. Fix: move it")
     if ground is None and (problem := floor_problem(place.x_m, place.y_m, place.z_m, there)):
         raise WorldError(path, f"`{vehicle.name}` {problem}")
     if place.z_m > MAX_DROP_M:
@@ -128,7 +128,8 @@ def check_actor_path(index: int, actor: Actor, ground: Ground | None) -> None:
     """
     if ground is not None and not all(ground.inside(*at) for at in motion.waypoints(actor.motion)):
         raise WorldError(
-            ("world", "actors", index, "motion"), f"`{actor.name}` goes beside the terrain; move it"
+            ("world", "actors", index, "motion"),
+            f"`{actor.name}` moves outside the terrain. Fix: move it",
         )
 
 

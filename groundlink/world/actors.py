@@ -83,7 +83,7 @@ class PathMotion(Spec, frozen=True, tag_field="kind", tag="along", kw_only=True)
         closing = self.points_m[:1] if self.closed else ()
         way = (*self.points_m, *closing)
         if any(here == there for here, there in pairwise(way)):
-            raise ValueError("two neighbors of `points_m` are the same; leave one out")
+            raise ValueError("two consecutive `points_m` are equal. Fix: delete one")
 
 
 class Swing(Spec, frozen=True, kw_only=True):
@@ -119,14 +119,16 @@ class HingeMotion(Spec, frozen=True, tag_field="kind", tag="hinge", kw_only=True
         free_s = 0.0
         for swing in self.swings:
             if swing.at_s < free_s:
-                raise ValueError("`swings` are to follow each other; one begins before its turn")
+                raise ValueError(
+                    "`swings` overlap; expected each to begin after the one before has ended"
+                )
             free_s = swing.at_s + swing.for_s
         if self.every_s is None:
             return
         if self.every_s < free_s:
-            raise ValueError("`every_s` is less than all `swings` take")
+            raise ValueError("`every_s` is shorter than all `swings` together")
         if self.swings and self.swings[-1].angle_deg != self.start_deg:
-            raise ValueError("with `every_s` the last swing has to end at `start_deg`")
+            raise ValueError("with `every_s` the last swing must end at `start_deg`")
 
 
 class FreeMotion(Spec, frozen=True, tag_field="kind", tag="free", kw_only=True):

@@ -56,8 +56,8 @@ def put(content: bytes) -> str:
         os.replace(part.name, file)
     except OSError as error:
         raise UserError(
-            f"cannot write assets to {file.parent}: {(error.strerror or str(error)).lower()}; "
-            f"name another folder in {VARIABLE}"
+            f"cannot write assets to {file.parent}: {(error.strerror or str(error)).lower()}. "
+            f"Fix: name another folder in {VARIABLE}"
         ) from None
     return digest
 

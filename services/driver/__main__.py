@@ -93,8 +93,8 @@ def _route(
     if given is not None:
         if scenario.time.mode != "realtime":
             raise UserError(
-                f"run `{scenario.name}` is in {scenario.time.mode} mode, which waits for no driver "
-                "that comes later; write `route:` into the scenario's vehicle"
+                f"run `{scenario.name}` is in {scenario.time.mode} mode, which does not wait for a "
+                "driver that joins later. Fix: write `route:` into the scenario's vehicle"
             )
         from groundlink.loader.scenario_files import load_route  # loaded only where a file is read
 
@@ -102,7 +102,7 @@ def _route(
         return route, lambda x, y, yaw: follower(line(route, start_m=(x, y), heading_rad=yaw))
     if vehicle.route is None:
         raise UserError(
-            f"`{vehicle.name}` has no `route` in scenario `{scenario.name}`; give one by --route"
+            f"`{vehicle.name}` has no `route` in scenario `{scenario.name}`. Fix: pass --route"
         )
     own, place = vehicle.route, vehicle.placement
     along = line(own, start_m=(place.x_m, place.y_m), heading_rad=radians(place.yaw_deg))

@@ -82,7 +82,9 @@ class ReferenceComparison:
             when physics was restarted meanwhile.
         """
         if self._has_begun:
-            raise UserError("physics was restarted, so nothing was compared. Fix: try again")
+            raise UserError(
+                "physics was restarted, so nothing was compared. Fix: run `groundlink verify` again"
+            )
         self._has_begun = True
         return self
 

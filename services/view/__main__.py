@@ -131,7 +131,7 @@ def show_file(options: argparse.Namespace, stop: threading.Event) -> None:
         from groundlink.recording.reader import Recording
     except ModuleNotFoundError as error:
         raise UserError(
-            f"to view a recording needs `{error.name}`; pip install 'groundlink[record,view]'"
+            f"viewing a recording needs `{error.name}`. Fix: pip install 'groundlink[record,view]'"
         ) from None
     if options.foxglove:
         raise UserError(f"--foxglove: Foxglove opens {options.recording} itself; expected no file")
@@ -255,7 +255,9 @@ def _need_free(host: str, port: int) -> None:
             probe.bind((host, port))
         except OSError as error:
             why = (error.strerror or str(error)).lower()
-            raise UserError(f"cannot serve on {host}:{port}: {why}; choose --port") from None
+            raise UserError(
+                f"cannot serve on {host}:{port}: {why}. Fix: choose another port with --port"
+            ) from None
 
 
 if __name__ == "__main__":

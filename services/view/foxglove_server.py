@@ -67,9 +67,9 @@ class FoxgloveServer(ServerListener):
                 message_backlog_size=BACKLOG,
             )
         except Exception as error:
-            raise UserError(f"cannot serve on {host}:{port}: {error}; choose another --port") from (
-                None
-            )
+            raise UserError(
+                f"cannot serve on {host}:{port}: {error}. Fix: choose another port with --port"
+            ) from (None)
 
     @property
     def port(self) -> int:

@@ -66,7 +66,7 @@ class RerunFile:
 
     def __init__(self, path: Path, blueprint: rrb.Blueprint) -> None:
         if not path.resolve().parent.is_dir():
-            raise UserError(f"--save {path}: there is no folder {path.parent}")
+            raise UserError(f"--save {path}: no such folder: {path.parent}")
         self._path, self._blueprint = path, blueprint
         self._episodes = 0
         self._recording: rr.RecordingStream | None = None

@@ -71,5 +71,5 @@ def test_a_program_that_fails_is_told_with_its_last_lines(
     printed = environments.run(program, ["word"], tmp_path, SAY, label="x", log=tmp_path / "log")
     assert printed == "word\n"
     script.write_text("sleep 5\n", encoding="utf-8")
-    with pytest.raises(UserError, match="has not ended"):
+    with pytest.raises(UserError, match="timeout after"):
         environments.run(program, [], tmp_path, SAY, label="x", log=tmp_path / "log", limit_s=0.05)

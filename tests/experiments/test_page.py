@@ -32,7 +32,7 @@ def test_who_has_lost_the_way_is_said_to() -> None:
 def test_only_what_is_between_the_marks_is_replaced() -> None:
     page = "a\n<!-- x -->\nold\n<!-- end of x -->\nb\n<!-- y -->\n<!-- end of y -->\n"
     assert with_table(page, "x", "new \\1") == page.replace("old", "new \\1")
-    with pytest.raises(ValueError, match="no <!-- z -->"):
+    with pytest.raises(ValueError, match="marks <!-- z -->"):
         with_table(page, "z", "new")
 
 

@@ -74,7 +74,9 @@ def test_what_is_no_variation_is_told(
 
 
 def test_a_sensor_that_is_not_there_is_told() -> None:
-    with pytest.raises(UserError, match=r"^swept has no sensor lidar; it has scanner, imu,"):
+    with pytest.raises(
+        UserError, match=r"^swept: unknown sensor lidar; expected one of scanner, imu,"
+    ):
         SETUP.varied({"lidar": {"mount": "lidar"}})
 
 

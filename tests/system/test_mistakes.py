@@ -82,7 +82,7 @@ def test_arguments_that_make_no_sense(it: Rig) -> None:
     up = ("-m", "groundlink", "up", str(it.scenario))
     assert "more than 0" in run(it, *up, "--duration", "-3")
     assert "no such folder" in run(it, *up, "--report", "/nowhere/at/all.json")
-    assert "no endpoint" in run(it, *up, "--listen", "localhost:1")
+    assert "not an endpoint" in run(it, *up, "--listen", "localhost:1")
 
 
 def test_an_endpoint_nobody_answers_at(it: Rig) -> None:
@@ -127,7 +127,7 @@ def test_sensors_that_the_run_does_not_have(it: Rig) -> None:
         line = run(it, "-m", "services.sensors.imu", "--name", "rover/lidar", *join)
         assert "python -m services.sensors.lidar" in line
         line = run(it, "-m", "services.gateway", "--bind", "nonsense", *join)
-        assert "`nonsense` is no address" in line
+        assert "`nonsense`: not an address" in line
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
             taken.bind(it.bind)
             line = run(it, "-m", "services.gateway", "--bind", it.address(it.bind), *join)
@@ -155,7 +155,7 @@ def test_a_world_that_differs(it: Rig) -> None:
         wait_for(ended, 20, "the sensor refuses to start")
     assert sensor.returncode == 2
     assert it.log("imu.log").count("\n") == 1
-    assert "the world differs" in it.log("imu.log")
+    assert "world hash differs" in it.log("imu.log")
     assert "000000000000" in it.log("imu.log")
 
 

@@ -65,7 +65,7 @@ def clouds(folder: Path) -> Iterator[PointCloud]:
             step_to(it, bus, 2 * TICKS)
             done = command(it, "remove", "box")
             assert (done.returncode, done.stderr) == (0, "")
-            with pytest.raises(UserError, match="there is no `box`"):
+            with pytest.raises(UserError, match="no vehicle or object `box`"):
                 raise UserError(command(it, "remove", "box").stderr)
             step_to(it, bus, 3 * TICKS)
             last_nanos = 1_400_000_000

@@ -64,8 +64,8 @@ def show(options: argparse.Namespace) -> int:
     if options.sheet in sensor_kinds().keys() - {sheet.name for sheet in shipped_datasheets()}:
         sheets = [sheet.name for sheet in shipped_datasheets() if sheet.kind == options.sheet]
         raise UserError(
-            f"`{options.sheet}` is a kind of sensor; expected the name of a data sheet: "
-            + (", ".join(sheets) or "none of this kind is shipped, write one of your own")
+            f"`{options.sheet}`: a kind of sensor; expected the name of a data sheet: "
+            + (", ".join(sheets) or "none is shipped for this kind. Fix: write a data sheet")
         )
     sheet = load_datasheet(options.sheet)
     kind = sensor_kinds()[sheet.kind]

@@ -93,7 +93,7 @@ def parsed(kind: str, words: Sequence[str], seconds: float | None) -> Fault | No
         name, _, text = word.partition("=")
         if name not in fields or not text:
             hint = did_you_mean(name, fields) if fields else "this kind has no parameters"
-            raise UserError(f"`{word}` is no parameter of `{kind}`; {hint}")
+            raise UserError(f"`{word}`: unknown parameter of `{kind}`; {hint}")
         values = [_value(part) for part in text.strip("[]").split(",")]
         given[name] = values if len(values) > 1 else values[0]
     for name, field in fields.items():

@@ -104,14 +104,14 @@ def parse(file: Path) -> XmlElement:
         mark = SourceLine(file, parser.CurrentLineNumber)
         if tag.startswith("xacro:"):
             name = EXPAND_HINT.format(name=file.name)
-            raise ScenarioError(f"{mark}: <{tag}>: this is xacro, which makes URDF; {name}")
+            raise ScenarioError(f"{mark}: <{tag}>: xacro, not URDF; {name}")
         element = XmlElement(tag, attributes, mark)
         (open_[-1].children if open_ else roots).append(element)
         open_.append(element)
 
     def refuse_doctype(*_: object) -> None:
         mark = SourceLine(file, parser.CurrentLineNumber)
-        raise ScenarioError(f"{mark}: <!DOCTYPE>: a URDF has no document type; take it out")
+        raise ScenarioError(f"{mark}: <!DOCTYPE>: not allowed in a URDF. Fix: delete it")
 
     def end(_: str) -> None:
         open_.pop()
@@ -123,5 +123,5 @@ def parse(file: Path) -> XmlElement:
     except (expat.ExpatError, ValueError) as error:
         line = parser.ErrorLineNumber or 1
         why = expat.ErrorString(parser.ErrorCode) or error
-        raise ScenarioError(f"{file}:{line}: not valid XML: {why}; mend it there") from None
+        raise ScenarioError(f"{file}:{line}: not valid XML: {why}") from None
     return roots[0]

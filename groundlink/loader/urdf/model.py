@@ -110,7 +110,7 @@ def _file(document: Document, path: DataPath) -> Path:
     file = mark.file.parent / str(name)
     if not file.is_file():
         raise ScenarioError(
-            f"{mark}: `{path[-1]}`: there is no file `{file}`; give its name as from there"
+            f"{mark}: `{path[-1]}`: no such file: `{file}`; expected a path relative to this file"
         )
     return file
 

@@ -117,7 +117,7 @@ def read_urdf(file: Path) -> Robot:
         for the first mistake.
     """
     if file.suffix == ".xacro":
-        raise ScenarioError(f"{file}: this is xacro; {EXPAND_HINT.format(name=file.name)}")
+        raise ScenarioError(f"{file}: xacro, not URDF. Fix: {EXPAND_HINT.format(name=file.name)}")
     top = parse(file)
     if top.tag != "robot":
         raise top.mistake("expected <robot name=...> as the outermost element of a URDF")

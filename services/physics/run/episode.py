@@ -193,7 +193,7 @@ class Episode:
             when the episode has not begun.
         """
         if not self._history:
-            raise UserError("the run has not begun yet: it is waiting for its processes")
+            raise UserError("the run has not begun: it is waiting for its processes")
         return Journal(
             made_on=this_platform(),
             run=self._run,

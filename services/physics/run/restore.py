@@ -137,13 +137,15 @@ def check_data(journal: Journal) -> None:
         when this machine lacks data of it, or its first entries are missing.
     """
     if journal.left_out:
-        raise UserError(f"the saved run lacks its first {journal.left_out} entries; save it again")
+        raise UserError(
+            f"the saved run lacks its first {journal.left_out} entries. Fix: save it again"
+        )
     changes = (entry.change for entry in journal.read() if isinstance(entry, WorldChanged))
     added = (change.more for change in changes if isinstance(change, Spawn))
     needed = [digest for it in (journal.scenario, *added) for digest in asset_exchange.needed(it)]
     if lacking := assets.missing(needed):
         raise UserError(
-            f"physics' machine lacks the data {lacking[0][:12]} of the saved run's world. Fix: "
+            f"the host of physics lacks asset {lacking[0][:12]} of the saved world. Fix: "
             f"load its scenario there once, or copy {assets.folder()} from where it was saved"
         )
 

@@ -190,8 +190,8 @@ class PhysicsServer:
             lacking := assets.missing(asset_exchange.needed(command.more))
         ):
             raise UserError(
-                f"this machine lacks the data {lacking[0][:12]}. Fix: spawn meshes from the "
-                "machine where physics runs"
+                f"this host lacks asset {lacking[0][:12]}. Fix: spawn meshes from the "
+                "host where physics runs"
             )
         self.episode.change(command)
         self._adopt_world()
@@ -206,7 +206,9 @@ class PhysicsServer:
         """
         saved = loaded(content, "what was sent")
         if self._followed is not None:
-            raise UserError("the run replays a saved one (--follow). Fix: start another run")
+            raise UserError(
+                "the run repeats a saved one and takes no commands. Fix: start another run"
+            )
         check_processes(saved, self._started)
         check_data(saved)
         self._start_to_restore(saved, replace(saved.scenario, time=self._started.time))

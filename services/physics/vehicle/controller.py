@@ -88,7 +88,7 @@ class Controller:
 
     def _velocity(self, command: Command) -> Twist:
         if not all(map(isfinite, (*command.linear_mps, *command.angular_radps))):
-            raise ValueError("a velocity that is not a finite number")
+            raise ValueError("a velocity is not finite")
         return self._steering.within_limits((command.linear_mps[0], command.angular_radps[2]))
 
     def _each_wheel(self, command: WheelCommand) -> WheelTargets:
@@ -131,9 +131,9 @@ class Controller:
 def _in_order(given: dict[str, float], names: Sequence[str], most: float) -> tuple[float, ...]:
     """Return the values of all names, within limits; zero for a name that is missing."""
     if strange := given.keys() - set(names):
-        raise ValueError(f"`{min(strange)}` takes no command; expected one of {', '.join(names)}")
+        raise ValueError(f"`{min(strange)}` takes no commands; expected one of {', '.join(names)}")
     if not all(map(isfinite, given.values())):
-        raise ValueError("a value that is not a finite number")
+        raise ValueError("a value is not finite")
     return tuple(max(-most, min(most, given.get(name, 0.0))) for name in names)
 
 

@@ -61,7 +61,7 @@ class Servos:
         if len(positions) != len(command.names):
             raise ValueError("joints without positions; expected one position for each name")
         if not all(map(isfinite, (*positions, *speeds))):
-            raise ValueError("a position or velocity that is not a finite number")
+            raise ValueError("a position or velocity is not finite")
         if strange := set(command.names) - self._places.keys():
             known = ", ".join(self._places) or "none"
             raise ValueError(f"no joint `{min(strange)}` takes a command; expected one of {known}")

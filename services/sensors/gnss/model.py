@@ -143,7 +143,9 @@ class GnssModel:
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Gnss) -> None:
         datum = scenario.world.datum
         if datum is None:
-            raise UserError(f"`{spec.name}` receives satellites: add `datum` to the world")
+            raise UserError(
+                f"`{spec.name}` needs the world's position on Earth. Fix: add `datum` to the world"
+            )
         self._vehicle = vehicle.name
         self._frame = vehicle.frame_prefix + spec.frame
         self._antenna_in_base = np.array(spec.mount.xyz_m)

@@ -78,7 +78,7 @@ def open_sky(towards: Floats) -> Geometry:
     found = geometry(towards, np.ones(towards.shape[1], np.bool_))
     if found is None:
         raise UserError(
-            "`satellites_deg`: these directions give no position even under the open sky; "
+            "`satellites_deg`: these directions give no position even under open sky. Fix: "
             "spread them over the sky"
         )
     return found

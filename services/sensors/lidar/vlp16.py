@@ -46,8 +46,8 @@ class Vlp16:
     def __init__(self, spec: Lidar) -> None:
         if wrong := _misfit(spec):
             raise UserError(
-                f"`{spec.name}` has no packets of its own, as it is no VLP-16: {wrong}; leave out "
-                "`native`, or take the data sheet vlp16.yaml"
+                f"`{spec.name}` has no native packets: not a VLP-16: {wrong}. Fix: leave out "
+                "`native`, or use the data sheet vlp16.yaml"
             )
         self._mode, self._returns = RETURN_MODES[spec.returns], spec.returns_per_ray
         self._size = packets.BLOCKS * packets.FIRINGS_PER_BLOCK // self._returns

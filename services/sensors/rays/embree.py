@@ -75,18 +75,18 @@ def library() -> ctypes.CDLL:
     spec = importlib.util.find_spec("embreex")
     if spec is None or spec.origin is None:
         raise EngineUnavailableError(
-            "the package `embreex` is not installed here (pip install groundlink[sensors])"
+            "the package `embreex` is not installed. Fix: pip install 'groundlink[sensors]'"
         )
     try:
         import embreex.rtcore_scene  # noqa: F401  (loads libembree4 and the libtbb that it needs)
     except ImportError as error:
-        raise EngineUnavailableError(f"the package `embreex` does not load here: {error}") from None
+        raise EngineUnavailableError(f"the package `embreex` does not load: {error}") from None
 
     folder = Path(spec.origin).parent.parent / "embreex.libs"
     found = sorted(folder.glob("libembree4*"))
     if not found:
         raise EngineUnavailableError(
-            f"no libembree4 in {folder}; expected the one that the Linux wheel of embreex carries"
+            f"no libembree4 in {folder}; expected the one of embreex's Linux wheel"
         )
     loaded = ctypes.CDLL(str(found[0]))
     for name, (result, *arguments) in _SIGNATURES.items():
@@ -104,14 +104,14 @@ class Device:
     def __init__(self) -> None:
         self.handle = library().rtcNewDevice(b"threads=1,isa=avx2")
         if not self.handle:
-            raise EngineUnavailableError("Embree does not start here: it needs a CPU with AVX2")
+            raise EngineUnavailableError("Embree does not start: it needs a CPU with AVX2")
         weakref.finalize(self, library().rtcReleaseDevice, self.handle)
         version = library().rtcGetDeviceProperty(self.handle, _DEVICE_PROPERTY_VERSION)
         if not SUPPORTED[0] <= version < SUPPORTED[1]:
             raise EngineUnavailableError(
-                f"the installed embreex carries Embree {version // 10000}.{version // 100 % 100}."
-                f"{version % 100}, expected 4.4; "
-                "install the version that groundlink[sensors] names"
+                f"the installed embreex includes Embree {version // 10000}.{version // 100 % 100}."
+                f"{version % 100}, expected 4.4. "
+                "Fix: pip install 'groundlink[sensors]'"
             )
 
     def check(self) -> None:

@@ -41,7 +41,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         run, scenario = join_world(bus, options.run, stop)
         vehicle, spec = scenario.sensor(options.name) or (None, None)
         if vehicle is None or not isinstance(spec, Optics):
-            raise UserError(f"`{options.name}` is no camera of scenario `{scenario.name}`")
+            raise UserError(f"scenario `{scenario.name}` has no camera `{options.name}`")
         snapshot = Snapshot(scenario, vehicle, spec, int(exact(options.at) * NANOS))
         taker = SensorProcess(
             snapshot,

@@ -137,9 +137,9 @@ class SensorProcess:
         if state.world_hash != self._expected_world_hash:
             if not self._renew(state.world_hash):
                 raise UserError(
-                    f"the world differs: physics has {state.world_hash[:12]}, this process has "
-                    f"{self._expected_world_hash[:12]}; run the same version of Groundlink on "
-                    "every host, and restart this sensor after the scenario was changed"
+                    f"world hash differs: physics has {state.world_hash[:12]}, this process has "
+                    f"{self._expected_world_hash[:12]}; Fix: run the same version of Groundlink on "
+                    "every host, and restart this sensor after changes of the scenario"
                 )
             self._expected_world_hash = state.world_hash
             self.worlds += 1

@@ -69,7 +69,7 @@ class WheelOdometryModel:
         encoders = next((s for s in vehicle.sensors if s.name == spec.encoders), None)
         if not isinstance(encoders, Encoders):
             raise UserError(
-                f"`{vehicle.name}/{spec.name}` needs `encoders` that names a sensor of kind "
+                f"`{vehicle.name}/{spec.name}` `encoders`: expected the name of a sensor of kind "
                 "`encoders`"
             )
         drive, shafts = vehicle.model.drive, vehicle.model.counted

@@ -62,7 +62,7 @@ def test_where_a_frame_is_on_another(reading: Any, bag: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("frame", "words"), [("wheel", "not say where wheel is"), ("camera", "fixed to mast")]
+    ("frame", "words"), [("wheel", "no transform of frame wheel"), ("camera", "fixed to mast")]
 )
 def test_mounts_that_do_not_meet(reading: Any, bag: Path, frame: str, words: str) -> None:
     with pytest.raises(SystemExit, match=words):

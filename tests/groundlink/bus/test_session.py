@@ -127,7 +127,7 @@ def test_presence_shows_who_is_there_and_who_left(endpoint: str) -> None:
 @pytest.mark.parametrize("text", ["localhost:7447", "tcp/host", "tcp/host:port", "tcp/ :1"])
 def test_what_is_no_endpoint_is_named(text: str) -> None:
     with pytest.raises(
-        BusError, match=r"no endpoint; expected PROTOCOL/HOST:PORT such as tcp/HOST:7447"
+        BusError, match=r"not an endpoint; expected PROTOCOL/HOST:PORT such as tcp/HOST:7447"
     ):
         Bus(connect=text)
 

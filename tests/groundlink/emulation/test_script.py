@@ -107,7 +107,7 @@ def test_text_that_is_no_change(text: str) -> None:
             ["event at 3 s: to_ros: unknown field `los`"],
         ),
         ("peers: [a b]", ["gateway.peers"]),
-        ("key_file: a, key_env: b", ["choose one"]),
+        ("key_file: a, key_env: b", ["keep one"]),
     ],
 )
 def test_a_scenarios_mistakes_have_their_place(

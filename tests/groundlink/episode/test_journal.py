@@ -98,10 +98,10 @@ GOOD = dumped(SAVED)
 BODY = GOOD[GOOD.index(b"\n") + 1 :]
 
 WRONG = {
-    "empty": (b"", "file: no saved run; expected a file of `groundlink save`"),
-    "foreign": (b"name: lab\nworld: x\n", "no saved run"),
-    "binary": (bytes(range(256)), "no saved run"),
-    "first line alone": (GOOD[:19], "no saved run"),
+    "empty": (b"", "file: not a saved run; expected a file of `groundlink save`"),
+    "foreign": (b"name: lab\nworld: x\n", "not a saved run"),
+    "binary": (bytes(range(256)), "not a saved run"),
+    "first line alone": (GOOD[:19], "not a saved run"),
     "cut off": (GOOD[:-1], "truncated or damaged"),
     "longer": (GOOD + b"x", "truncated or damaged"),
     "damaged": (GOOD[:-9] + b"x" + GOOD[-8:], "truncated or damaged"),

@@ -219,7 +219,7 @@ BAD: dict[str, tuple[str, bytes, str]] = {
     "no pcd": ("a.pcd", b"hello", "not a valid PCD point cloud"),
     "pcd without x": ("a.pcd", pcd().replace(b"FIELDS x", b"FIELDS q"), f"PCD point cloud{END}"),
     "pcd without fields": ("a.pcd", pcd().replace(b"FIELDS", b"FILES"), f"PCD point cloud{END}"),
-    "cut packed pcd": ("a.pcd", pcd("binary_compressed")[:-9], "cut off"),
+    "cut packed pcd": ("a.pcd", pcd("binary_compressed")[:-9], "truncated"),
 }  # fmt: skip
 
 
@@ -265,7 +265,7 @@ def test_a_library_that_is_not_installed_is_one_line(
 ) -> None:
     monkeypatch.setitem(sys.modules, library, None)
     file = write(tmp_path, name, b"")
-    assert f"needs `{library}`; pip install 'groundlink[physics]'" in line(file)
+    assert f"needs `{library}`. Fix: pip install 'groundlink[physics]'" in line(file)
 
 
 VALID = HEIGHTMAPS | MESHES

@@ -77,7 +77,7 @@ def test_the_terrain_is_the_last_body(tmp_path: Path) -> None:
     names = body_names(scenario, solids(scenario))
     assert names[-3:] == ("house", "shed", "terrain")
     twin = WORLD["solids"][0] | {"name": "terrain"}  # type: ignore[index]
-    with pytest.raises(ScenarioError, match="two bodies called `terrain`"):
+    with pytest.raises(ScenarioError, match="two bodies are named `terrain`"):
         load(made(tmp_path, solids=[twin]))
 
 
@@ -140,7 +140,7 @@ def changed(name: str, **changes: object) -> dict[str, object]:
             changed("solids", shape={"kind": "mesh", "file": "house.glb", "scale": 0}),
             "slope.yaml:.*`shape.scale`: expected",
         ),
-        (changed("solids", position_m=[100, 0, 0]), "slope.yaml:.*is beside the terrain"),
+        (changed("solids", position_m=[100, 0, 0]), "slope.yaml:.*is outside the terrain"),
         ({"terrain": None}, "slope.yaml:.*`on_ground`: expected terrain"),
     ],
 )

@@ -116,12 +116,12 @@ def test_things_outdoors_stand_on_the_terrain(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "problem"),
     [
-        ({"scatter": [BUSHES | {"count": 2000}]}, r"`scatter`: only \d+ of 2000 found"),
-        ({"scatter": [BUSHES | {"ground": ["lava"]}]}, "only 0 of 120 found"),
+        ({"scatter": [BUSHES | {"count": 2000}]}, r"`scatter`: free space for \d+ of 2000 objects"),
+        ({"scatter": [BUSHES | {"ground": ["lava"]}]}, "free space for 0 of 120"),
         ({"scatter": [BUSHES | {"like": {"kind": "shrub"}}]}, "unknown kind `shrub`"),
         ({"scatter": [BUSHES | {"clear": 1}]}, "unknown key `scatter.*clear`"),
         ({"terrain": None}, "`scatter`: expected terrain"),
-        ({"outdoors": [HOUSE | {"at_m": [90, 0]}]}, "beside the terrain"),
+        ({"outdoors": [HOUSE | {"at_m": [90, 0]}]}, "outside the terrain"),
         ({"outdoors": [HOUSE | {"color": "red"}]}, "unknown key `outdoors.*color`"),
         ({"outdoors": [HOUSE | {"roof_material": "bricks"}]}, "no material `bricks`"),
     ],

@@ -103,7 +103,7 @@ MISTAKES = [
         14,
         ["`bandwidth_hz` is below 5"],
     ),
-    ("mount: mast", "mount: most", 13, ["no mount `most`", "did you mean `mast`?"]),
+    ("mount: mast", "mount: most", 13, ["unknown mount `most`", "did you mean `mast`?"]),
     ("name: imu,", "name: lidar,", 14, ["`lidar` is taken"]),
     (
         "rate_hz: 100}\n",
@@ -132,11 +132,11 @@ MISTAKES = [
         *("  - name: rover", "  - placement: {z_m: 50}\n    name: rover", 5),
         ["50 m above the ground; expected at most 5 m"],
     ),
-    ("name: rover", "name: bodies", 5, ["`bodies` names a key of the bus"]),
-    ("name: rover", "name: state", 5, ["`state` names a key of the bus"]),
-    ("name: imu,", "name: command,", 14, ["`command` names a key of the bus"]),
+    ("name: rover", "name: bodies", 5, ["`bodies`: reserved for a key of the bus"]),
+    ("name: rover", "name: state", 5, ["`state`: reserved for a key of the bus"]),
+    ("name: imu,", "name: command,", 14, ["`command`: reserved for a key of the bus"]),
     ("name: rover", "name: My Rover", 5, ["`vehicles[0].name`", "My Rover"]),
-    ("seed: 3", "seed: 3\nseed: 4", 3, ["`seed` is given twice"]),
+    ("seed: 3", "seed: 3\nseed: 4", 3, ["`seed`: duplicate key"]),
     ("mode: fast", "mode: fast\n  window_ticks: 7", 17, ["`time.window_ticks`", ">= 8"]),
     (
         "mode: fast",
@@ -152,7 +152,7 @@ MISTAKES = [
     ("mode: fast", "deadline_s: .inf", 16, ["`deadline_s` is inf; expected a finite number"]),
     ("mode: fast", "deadline_s: .nan", 16, ["`deadline_s` is nan"]),
     ("mode: fast", "factor: .inf", 16, ["`factor` is inf; expected a finite number"]),
-    ("mode: fast", "lockstep: ros", 15, ["`mode: realtime` never does", "`mode: lockstep`"]),
+    ("mode: fast", "lockstep: ros", 15, ["`mode: realtime` never waits", "`mode: lockstep`"]),
     (
         "mode: fast",
         "mode: fast\n  lockstep: ros\n  clock_rate_hz: 30",

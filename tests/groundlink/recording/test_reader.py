@@ -50,7 +50,7 @@ def test_an_mcap_file_of_others(tmp_path: Path) -> None:
         writer = Writer(stream)
         writer.start()  # type: ignore[no-untyped-call]
         writer.finish()  # type: ignore[no-untyped-call]
-    with pytest.raises(UserError, match="but not of a run"):
+    with pytest.raises(UserError, match="an MCAP file without a run"):
         Recording(tmp_path / "a.mcap")
 
 

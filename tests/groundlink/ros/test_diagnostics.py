@@ -74,7 +74,7 @@ def test_they_come_back_as_they_went_and_a_person_can_read_them(
 
 @pytest.mark.parametrize(
     ("message", "reason"),
-    [(HIT, "no 'tick' among its values"), (TWO, "no `tick` among its values"), (GAPS, "cause")],
+    [(HIT, "no value 'tick'"), (TWO, "no value `tick`"), (GAPS, "cause")],
 )
 def test_other_diagnostics_are_refused(message: Any, reason: str) -> None:
     array, read = array_of(message), READERS[type(message)]

@@ -38,7 +38,7 @@ def test_what_moves_comes_first_then_the_solids_as_they_are_built(two: Scenario)
 def test_a_solid_cannot_take_the_name_of_a_link(two: Scenario) -> None:
     box = Solid("second/base_link", Box((1.0, 1.0, 1.0)), "metal", (3.0, 3.0, 1.0))
     world = replace(two.world, solids=(*two.world.solids, box))
-    with pytest.raises(WorldError, match="two bodies called `second/base_link`"):
+    with pytest.raises(WorldError, match="two bodies are named `second/base_link`"):
         solids(replace(two, world=world))
 
 
@@ -52,7 +52,7 @@ def test_actors_come_after_links(two: Scenario) -> None:
     assert link_bodies(made) == [*link_bodies(two), "crate"]
     assert world_hash(made) != world_hash(two)
     twice = replace(made, world=replace(made.world, actors=(crate, crate)))
-    with pytest.raises(WorldError, match="two bodies called `crate`"):
+    with pytest.raises(WorldError, match="two bodies are named `crate`"):
         solids(twice)
     other = replace(crate, form=CrateForm(material="jelly"))
     with pytest.raises(WorldError, match=r"`world.actors\[0\].form.material`: no material `jelly`"):

@@ -232,7 +232,7 @@ def test_too_much_clutter_is_refused(lab: Scenario) -> None:
 
 def test_two_solids_of_one_name_are_refused(lab: Scenario) -> None:
     thing = Solid(name="x", shape=Sphere(radius_m=0.1), material="wood", position_m=(0, 0, 1))
-    with pytest.raises(WorldError, match="two bodies called `x`"):
+    with pytest.raises(WorldError, match="two bodies are named `x`"):
         solids(replace(lab, world=replace(lab.world, solids=(thing, thing))))
 
 

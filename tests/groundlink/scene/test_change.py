@@ -109,7 +109,7 @@ def test_things_are_put_on_the_ground_at_their_place() -> None:
     placed = _placed(replace(crates, actors=(turned,)), at, ground).actors[0].motion
     assert isinstance(placed, FreeMotion)
     assert placed.yaw_deg == 120.0
-    with pytest.raises(UserError, match="--at 9,0 is beside the terrain"):
+    with pytest.raises(UserError, match="--at 9,0 is outside the terrain"):
         addition("box", at=SpawnPlace(9.0, 0.0), name=None, taken=(), ground=ground)
 
 
@@ -143,9 +143,9 @@ def test_a_file_brings_solids_and_actors(lab: Scenario, tmp_path: Path) -> None:
     with pytest.raises(UserError, match="only `solids`, `actors` and `materials`"):
         made(str(file))
     file.write_text("name: nothing\nmaterials: {}\n")
-    with pytest.raises(UserError, match="there is nothing in it"):
+    with pytest.raises(UserError, match="nothing to add"):
         made(str(file))
-    with pytest.raises(UserError, match="is a scenario"):
+    with pytest.raises(UserError, match="a scenario; expected a vehicle"):
         made(str(SHIPPED / "indoor_lab.yaml"))
 
 
@@ -154,7 +154,7 @@ def test_a_file_brings_solids_and_actors(lab: Scenario, tmp_path: Path) -> None:
     [
         (made("box", name="rover"), "the name `rover` is taken"),
         (made("box", name="clutter_3"), "the name `clutter_3` is taken"),
-        (made("rover", name="clock"), "`clock` names a key of the bus"),
+        (made("rover", name="clock"), "`clock` is reserved for a key of the bus"),
         (made("crate", SpawnPlace(-4.6, 0.0)), "`crate` would be inside `rover`"),
         (made("crate", SpawnPlace(-6.0, 0.0)), "`crate` would be inside `"),
         (made("box", SpawnPlace(-4.6, 0.0)), "`box` would be inside `rover`"),
@@ -176,9 +176,9 @@ def test_what_cannot_be_added_is_refused(lab: Scenario, more: Addition, problem:
     ("name", "problem"),
     [
         ("rover", "`rover` is the run's only vehicle"),
-        ("table_0", "`table_0` is of the room, the furniture or what stands outdoors"),
-        ("room_floor", "which stays"),
-        ("cluttr_3", "there is no `cluttr_3`; did you mean `clutter_3`"),
+        ("table_0", "`table_0` is part of the world and cannot be removed"),
+        ("room_floor", "cannot be removed; expected a vehicle"),
+        ("cluttr_3", "no vehicle or object `cluttr_3`; did you mean `clutter_3`"),
     ],
 )
 def test_what_cannot_be_taken_out_is_refused(lab: Scenario, name: str, problem: str) -> None:

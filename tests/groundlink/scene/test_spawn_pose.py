@@ -93,8 +93,8 @@ def test_how_high_it_starts_is_counted_from_the_terrain() -> None:
 @pytest.mark.parametrize(
     ("place", "problem"),
     [
-        (Placement(x_m=40.5), r"vehicles\[0\].placement`: `it` starts beside the terrain; expected "
-                              "x_m from -40 to 40 m and y_m from -40 to 40 m"),
+        (Placement(x_m=40.5), r"vehicles\[0\].placement`: `it` starts outside the terrain; "
+                              "expected x_m from -40 to 40 m and y_m from -40 to 40 m"),
         (Placement(z_m=-0.1), r"placement.z_m`: `it` starts in the terrain"),
         (Placement(x_m=10.0), r"`it` starts inside `hut`"),
     ],

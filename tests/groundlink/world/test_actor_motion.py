@@ -133,10 +133,10 @@ OPEN = {"at_s": 1, "angle_deg": 9}
 @pytest.mark.parametrize(
     ("fields", "problem"),
     [
-        ({"kind": "along", "points_m": [[0, 0], [0, 0]]}, "the same"),
-        ({"kind": "along", "points_m": [[0, 0], [1, 0], [0, 0]], "closed": True}, "the same"),
-        ({**HINGE, "swings": [OPEN, {"at_s": 1.5, "angle_deg": 0}]}, "follow"),
-        ({**HINGE, "swings": [OPEN], "every_s": 1.5}, "less than all"),
+        ({"kind": "along", "points_m": [[0, 0], [0, 0]]}, "are equal"),
+        ({"kind": "along", "points_m": [[0, 0], [1, 0], [0, 0]], "closed": True}, "are equal"),
+        ({**HINGE, "swings": [OPEN, {"at_s": 1.5, "angle_deg": 0}]}, "overlap"),
+        ({**HINGE, "swings": [OPEN], "every_s": 1.5}, "shorter than all"),
         ({**HINGE, "swings": [OPEN], "every_s": 5}, "end at `start_deg`"),
     ],
 )

@@ -207,7 +207,7 @@ def test_keys_that_cannot_be_used_are_the_users_to_mend(key_file: str) -> None:
         sockets(GatewaySettings(key_file=key_file), LOCAL, ("127.0.0.1", 9), None)
     with pytest.raises(UserError, match="no variable NO_SUCH_KEY"):
         sockets(GatewaySettings(key_env="NO_SUCH_KEY"), LOCAL, ("127.0.0.1", 9), None)
-    with pytest.raises(ValueError, match="choose one"):
+    with pytest.raises(ValueError, match="keep one"):
         GatewaySettings(key_file="a", key_env="b")
 
 

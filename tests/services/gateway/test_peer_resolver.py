@@ -108,8 +108,8 @@ def test_who_is_asked_to_end_waits_for_no_name(
 def test_what_is_no_address_is_the_users_mistake(
     names: Names, stop: threading.Event, lines: list[str]
 ) -> None:
-    names.host, names.no_host = None, UserError("`ros2` is no address")
+    names.host, names.no_host = None, UserError("`ros2`: not an address")
     peer = PeerResolver("ros2", names.look_up)
-    with pytest.raises(UserError, match="is no address"):
+    with pytest.raises(UserError, match="not an address"):
         peer.wait(stop, lines.append)
     peer.close()

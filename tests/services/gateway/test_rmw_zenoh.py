@@ -189,5 +189,5 @@ def test_a_scenario_has_it_or_not(router: str) -> None:
 
     assert native(None) is NoRmwZenohBridge
     assert native(RmwZenoh(connect=router)) is RmwZenohBridge
-    with pytest.raises(UserError, match=r"`gateway.rmw_zenoh.connect`: `here` is no endpoint"):
+    with pytest.raises(UserError, match=r"`gateway.rmw_zenoh.connect`: `here`: not an endpoint"):
         native(RmwZenoh(connect="here"))

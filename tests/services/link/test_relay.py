@@ -226,7 +226,7 @@ def test_an_outage_of_the_command(stack: ExitStack) -> None:
     ("arguments", "words"),
     [
         ([], "--listen"),
-        (["--listen", "nonsense"], "`nonsense` is no address"),
+        (["--listen", "nonsense"], "`nonsense`: not an address"),
         (["--listen", "127.0.0.1:0", "--loss", "1.5"], "--loss 1.5: expected `float` <= 1.0"),
         (["--listen", "127.0.0.1:0", "--loss", "many"], "invalid float"),
         (

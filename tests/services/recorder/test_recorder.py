@@ -218,8 +218,8 @@ def test_what_is_relayed_stands_under_its_topic_as_its_type(lab: Scenario, tmp_p
 def test_diagnostics_once_a_second_of_sim_time(rig: Rig) -> None:
     stream = StreamReport("/imu", "Imu", 400.0, 399.0, None, 90, 10, sent=100, missing=10)
     rig.clock(0)
-    rig.recorder.heard(Health("physics", 7, 5, {"refused": 3}))
-    rig.recorder.heard(Health("gateway", 8, 5, {}, (stream,)))
+    rig.recorder.take_health(Health("physics", 7, 5, {"refused": 3}))
+    rig.recorder.take_health(Health("gateway", 8, 5, {}, (stream,)))
     for tick in range(4, 1300, 4):
         rig.clock(tick)
     arrays = rig.written()["/diagnostics"]

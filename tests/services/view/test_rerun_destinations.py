@@ -11,7 +11,7 @@ from services.view.rerun_destinations import RerunFile, program
 
 
 def test_a_file_in_no_folder_is_the_users_to_mend(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"--save .*: there is no folder"):
+    with pytest.raises(UserError, match=r"--save .*: no such folder"):
         RerunFile(tmp_path / "none" / "run.rrd", rrb.Blueprint())
 
 

@@ -56,8 +56,8 @@ class DrawnGround:
         most = int(context.info["GL_MAX_TEXTURE_SIZE"])
         if max(rows, columns) > most:
             raise UserError(
-                f"terrain of {columns} x {rows} heights: OpenGL takes {most} to a side here; "
-                "make its cells larger"
+                f"terrain of {columns} x {rows} heights: OpenGL allows {most} a side here. "
+                "Fix: enlarge its cells"
             )
         heights = context.texture((columns, rows), 1, ground.heights, dtype="f4")
         heights.filter = moderngl.NEAREST, moderngl.NEAREST

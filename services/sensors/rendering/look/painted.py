@@ -163,7 +163,7 @@ def _decoded(picture: bytes) -> NDArray[np.uint8]:
     """
     pixels = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
     if pixels is None:
-        raise UserError("a mesh of the world has a picture that is no PNG or JPEG; import it anew")
+        raise UserError("a texture of a mesh is not PNG or JPEG. Fix: import the mesh again")
     shrunk = MOST_TEXELS / max(pixels.shape)
     if shrunk < 1:
         pixels = cv2.resize(pixels, None, fx=shrunk, fy=shrunk, interpolation=cv2.INTER_AREA)

@@ -125,8 +125,8 @@ def slopes(spec: lenses.Lens, pinhole: Pinhole, scale: float = 1.0) -> Floats:
     if np.isnan(must).any():
         raise UserError(
             f"lens: `{spec.model}` with {', '.join(map(str, spec.coefficients))} sees beyond "
-            f"{MAX_FIELD_DEG:g} degrees or folds back within the picture; "
-            "make the field of view or the coefficients smaller"
+            f"{MAX_FIELD_DEG:g} degrees or folds back within the picture. Fix: "
+            "reduce the field of view or the coefficients"
         )
     return rays
 

@@ -87,7 +87,7 @@ MISTAKES = [
     ("max_range_m: 2.5", "max_range_m: -1", 6, ["`max_range_m`", "> 0", "-1"]),
     ("max_range_m: 2.5", "max_range_m: far", 6, ["`max_range_m`", "float", "'far'"]),
     ("kind: range", "kind: rang", 1, ["unknown kind `rang`", "did you mean `range`?"]),
-    ("kind: range\n", "", 1, ["a data sheet is a mapping with a `kind`"]),
+    ("kind: range\n", "", 1, ["not a data sheet; expected a mapping with `kind`"]),
     (
         "radiation: infrared",
         "radiation: sound",
@@ -96,7 +96,7 @@ MISTAKES = [
     ),
     ("# A guess.", "min_range_m: 9", 1, ["`min_range_m` is 9; expected less than `max_range_m`"]),
     ("# A guess.", "mount: {xyz: [0, 0, 1]}", 5, ["unknown key `mount.xyz`", "`xyz_m`?"]),
-    ("# A guess.", "kind: range", 5, ["`kind` is given twice"]),
+    ("# A guess.", "kind: range", 5, ["`kind`: duplicate key"]),
     ("# A guess.", "- [", 5, ["not valid YAML"]),
 ]
 
@@ -142,4 +142,4 @@ def test_a_file_that_is_not_there_is_told_as_it_was_given(
 ) -> None:
     file = tmp_path / "none.yaml"
     error = said(capsys, "show", str(file), code=2)
-    assert error == f"groundlink: there is no file `{file}`\n"
+    assert error == f"groundlink: `{file}`: no such file\n"

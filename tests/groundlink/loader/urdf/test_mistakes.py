@@ -35,7 +35,7 @@ MISTAKES = {
     "no robot": (CART, "<sdf/>", ["cart.urdf:1: <sdf>: expected <robot name=...>"]),
     "no name": ('<robot name="cart">', "<robot>", [":2: <robot>: `name=", "is missing"]),
     "no links": (LINKS + JOINTS, "", ["no <link> in it"]),
-    "entities": ("<robot", "<!DOCTYPE robot>\n<robot", [":2: <!DOCTYPE>: ", "take it out"]),
+    "entities": ("<robot", "<!DOCTYPE robot>\n<robot", [":2: <!DOCTYPE>: ", "delete it"]),
     "xacro": (
         LINKS,
         '<xacro:include filename="x"/>\n',
@@ -200,7 +200,7 @@ def test_a_long_chain_of_links_is_none(tmp_path: Path) -> None:
 
 
 BESIDE = {
-    "no file": ("cart.urdf", "carts.urdf", ["cart.yaml:1: `urdf`: there is no file", "carts.urdf"]),
+    "no file": ("cart.urdf", "carts.urdf", ["cart.yaml:1: `urdf`: no such file", "carts.urdf"]),
     "no joint": ("right_wheel_joint:", "rigth_wheel_joint:", ["`right_wheel_joint`?"]),
     "no wheels": (
         MODEL[MODEL.index("wheels") : MODEL.index("drive")],
@@ -239,7 +239,7 @@ def test_a_urdf_alone(tmp_path: Path) -> None:
 def test_xacro(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text(CART, encoding="utf-8")
     text = problem(tmp_path, model=MODEL.replace("cart.urdf", name))
-    assert text == f"{name}: this is xacro; expand it first: `xacro {name} > robot.urdf`"
+    assert text == f"{name}: xacro, not URDF. Fix: expand it first: `xacro {name} > robot.urdf`"
 
 
 def test_a_mistake_ends_a_command_with_2(

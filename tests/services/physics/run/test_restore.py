@@ -286,7 +286,7 @@ def test_a_world_whose_data_are_not_here_is_refused(
     with pytest.raises(UserError, match="lacks its first 3 entries"):
         check_data(replace(saved, left_out=3))
     monkeypatch.setattr(assets, "missing", lambda digests: ["f" * 64])
-    with pytest.raises(UserError, match=r"physics' machine lacks the data ffffffffffff of"):
+    with pytest.raises(UserError, match=r"the host of physics lacks asset ffffffffffff of"):
         check_data(saved)
 
 

@@ -63,5 +63,5 @@ def test_one_of_them_is_expected(file: str) -> None:
 
 
 def test_what_is_no_saved_run_cannot_be_followed() -> None:
-    with pytest.raises(UserError, match=r"indoor_lab_tour.yaml: no saved run"):
+    with pytest.raises(UserError, match=r"indoor_lab_tour.yaml: not a saved run"):
         chosen("--follow", str(LAB))

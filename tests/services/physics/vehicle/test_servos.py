@@ -108,7 +108,7 @@ def test_links_are_where_rotations_say() -> None:
 
 
 @pytest.mark.parametrize(
-    ("joints", "words"), [((GUN,), "parent `turret`"), ((TURRET, TURRET), "called `turret`")]
+    ("joints", "words"), [((GUN,), "parent `turret`"), ((TURRET, TURRET), "named `turret`")]
 )
 def test_joints_that_do_not_go_together_are_refused(joints: tuple[Joint, ...], words: str) -> None:
     with pytest.raises(ValueError, match=words):
@@ -116,7 +116,7 @@ def test_joints_that_do_not_go_together_are_refused(joints: tuple[Joint, ...], w
 
 
 def test_limits_without_zero_are_refused() -> None:
-    with pytest.raises(ValueError, match="leaves out 0"):
+    with pytest.raises(ValueError, match="excludes 0"):
         Joint(name="it", at_m=(0, 0, 0), lower=0.1, max_speed=1.0)
 
 

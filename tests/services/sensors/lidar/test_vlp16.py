@@ -241,7 +241,7 @@ def test_what_returned_nothing_has_no_distance(three: list[PointCloud]) -> None:
     ],
 )
 def test_what_the_packets_cannot_tell_is_refused(fields: dict[str, Any], reason: str) -> None:
-    with pytest.raises(UserError, match="`lidar` has no packets of its own") as refused:
+    with pytest.raises(UserError, match="`lidar` has no native packets") as refused:
         Vlp16(spec(**fields))
     assert reason in str(refused.value)
     assert "vlp16.yaml" in str(refused.value)

@@ -27,7 +27,7 @@ def _load_anew() -> Iterator[None]:
 @pytest.mark.parametrize(
     ("load", "module", "advice"),
     [
-        (embree.library, "embreex", r"pip install groundlink\[sensors\]"),
+        (embree.library, "embreex", r"pip install 'groundlink\[sensors\]'"),
         (kernels.kernels, "services.sensors.rays._kernels", "Fix: install gcc or clang"),
     ],
 )
@@ -57,7 +57,7 @@ def test_another_version_is_refused(
     supported: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(embree, "SUPPORTED", supported)
-    with pytest.raises(embree.EngineUnavailableError, match=r"carries Embree 4\.4\.0, expected"):
+    with pytest.raises(embree.EngineUnavailableError, match=r"includes Embree 4\.4\.0, expected"):
         embree.Device()
 
 

@@ -227,7 +227,7 @@ def test_without_embree_the_builtin_engine_is_taken_and_said(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def unavailable() -> None:
-        raise EngineUnavailableError("Embree does not start here: it needs a CPU with AVX2")
+        raise EngineUnavailableError("Embree does not start: it needs a CPU with AVX2")
 
     monkeypatch.setattr(scene_module, "device", unavailable)
     scene_module.best_engine.cache_clear()

@@ -242,7 +242,7 @@ def test_progress_is_told_with_what_is_settled(bench: Bench) -> None:
 
 
 def test_another_world_is_refused(bench: Bench) -> None:
-    with pytest.raises(UserError, match="the world differs: physics has cdcdcdcdcdcd"):
+    with pytest.raises(UserError, match="world hash differs: physics has cdcdcdcdcdcd"):
         bench.sensor.take(State("run", 0, 0, 0, 0, "cd" * 32, {}))
 
 

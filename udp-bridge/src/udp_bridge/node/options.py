@@ -39,7 +39,7 @@ def parse_address(text: str, *, what: str) -> Address:
     """
     host, _, port = text.rpartition(":")
     if not host or not port.isascii() or not port.isdigit() or int(port) > 0xFFFF:
-        raise ValueError(f"{what} is {text!r}, which is no HOST:PORT such as {DEFAULT_BIND}")
+        raise ValueError(f"{what} is {text!r}; expected HOST:PORT such as {DEFAULT_BIND}")
     return host, int(port)
 
 

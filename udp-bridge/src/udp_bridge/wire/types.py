@@ -84,7 +84,7 @@ def type_number(name: str) -> int:
         return _BY_NAME[name]
     except KeyError:
         known = ", ".join(_BY_NAME)
-        raise ValueError(f"unknown message type {name!r}; known are {known}") from None
+        raise ValueError(f"unknown message type {name!r}; expected one of {known}") from None
 
 
 STAMP_ORDERED = frozenset(

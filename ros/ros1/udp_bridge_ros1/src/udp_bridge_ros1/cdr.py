@@ -254,7 +254,7 @@ def _flat(fields: Sequence[Field], definition: Definition) -> List[Union[_Step, 
         elif type_name in definition.parts:
             parts += _flat(definition.parts[type_name], definition)
         else:
-            raise ValueError(f"the definition does not say what {type_name} is")
+            raise ValueError(f"the definition lacks the type {type_name}")
     return parts
 
 

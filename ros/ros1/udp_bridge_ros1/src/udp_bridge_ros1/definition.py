@@ -59,7 +59,7 @@ def _fields(text: str, texts: Dict[str, str]) -> List[Field]:
             continue
         match = _FIELD.fullmatch(said)
         if match is None:
-            raise ValueError(f"{line!r} is no field of a message")
+            raise ValueError(f"{line!r} is not a field of a message")
         type_name, count, _ = match.groups()
         fields.append(
             Field(

@@ -300,7 +300,7 @@ def test_the_same_bits_whatever_was_drawn_before() -> None:
 
 def test_a_map_that_opengl_cannot_hold_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = hilly(np.zeros((3, 20000)))
-    with pytest.raises(UserError, match="terrain of 20000 x 3 heights: OpenGL takes"):
+    with pytest.raises(UserError, match="terrain of 20000 x 3 heights: OpenGL allows"):
         views.renderer(scenario, PINHOLE)
 
 

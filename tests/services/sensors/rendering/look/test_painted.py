@@ -205,7 +205,7 @@ def test_meshes_share_their_pictures() -> None:
 
 def test_a_picture_that_is_none_is_one_line() -> None:
     solid = ahead(wall(picture=b"no picture"))
-    with pytest.raises(UserError, match="is no PNG or JPEG"):
+    with pytest.raises(UserError, match="is not PNG or JPEG"):
         list(painted(solid, 0, GRAY, {}))
 
 

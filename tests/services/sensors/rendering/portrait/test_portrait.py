@@ -156,7 +156,7 @@ def test_the_file_is_what_its_ending_says(name: str, begins: bytes, tmp_path: Pa
         ),
         (["labb"], "no world, vehicle or scenario `labb` is shipped; did you mean `lab`?"),
         (["no.yaml"], "no.yaml: no such file"),
-        (["odd.yaml"], "odd.yaml:1: this is no scenario (`vehicles`), no vehicle"),
+        (["odd.yaml"], "odd.yaml:1: expected a scenario (`vehicles`), a vehicle"),
         (["rover", "--out", "no/folder/rover.png"], "--out no/folder/rover.png: no such file"),
         (["rover", "--size", "9"], "expected WIDTHxHEIGHT such as 960x640"),
         (["rover", "--from", "up"], "expected AZIMUTH,ELEVATION such as 200,35"),
