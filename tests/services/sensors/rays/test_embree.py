@@ -11,6 +11,7 @@ import pytest
 
 from groundlink.core.errors import UserError
 from services.sensors.rays import embree, engine, kernels
+from services.sensors.rays.embree import library
 
 
 @pytest.fixture(autouse=True)
@@ -27,7 +28,7 @@ def _load_anew() -> Iterator[None]:
 @pytest.mark.parametrize(
     ("load", "module", "advice"),
     [
-        (embree.library, "embreex", r"pip install 'groundlink\[sensors\]'"),
+        (library, "embreex", r"pip install 'groundlink\[sensors\]'"),
         (kernels.kernels, "services.sensors.rays._kernels", "Fix: install gcc or clang"),
     ],
 )
