@@ -11,7 +11,6 @@ import json
 import os
 import re
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any
 
 import zenoh
@@ -122,12 +121,7 @@ class Bus:
     def __enter__(self) -> "Bus":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:

@@ -5,12 +5,12 @@ An event names only the fields that change. A script is checked completely when 
 changes during a run pass the same checks.
 """
 
-import difflib
 from typing import Annotated, Any
 
 import msgspec
 from msgspec import Meta
 
+from groundlink.core.errors import did_you_mean
 from groundlink.core.fields import NonNegative, Spec
 
 from .settings import Impairment
@@ -136,11 +136,7 @@ def changed(settings: Impairment, changes: dict[str, Any]) -> Impairment:
     fields = msgspec.to_builtins(settings)
     for name in changes:
         if name not in fields:
-            close = difflib.get_close_matches(name, fields, n=1, cutoff=0.5)
-            hint = (
-                f"did you mean `{close[0]}`?" if close else f"expected one of {', '.join(fields)}"
-            )
-            raise ValueError(f"unknown field `{name}`; {hint}")
+            raise ValueError(f"unknown field `{name}`; {did_you_mean(name, fields)}")
     try:
         return msgspec.convert(fields | changes, Impairment)
     except msgspec.ValidationError as error:

@@ -44,10 +44,9 @@ def explained(error: msgspec.ValidationError, document: Document, schema: Any) -
     path = _data_path(where.strip("`"), document, schema)
     if unknown := re.search(r"contains unknown field `(.*)`", problem):
         key = unknown.group(1)
-        names = _field_names(schema, document.value, path)
-        absent = _required_names(schema, document.value, path) - set(document.at(path))
-        mark = document.mark((*path, key))
-        return f"{mark}: unknown key `{dotted((*path, key))}`; {did_you_mean(key, names, absent)}"
+        names, required = _keys(schema, document.value, path)
+        hint = did_you_mean(key, names, required - set(document.at(path)))
+        return f"{document.mark((*path, key))}: unknown key `{dotted((*path, key))}`; {hint}"
     mark = document.mark(path)
     if missing := re.search(r"missing required field `(.*)`", problem):
         return f"{mark}: `{dotted((*path, missing.group(1)))}` is missing; add it"
@@ -99,35 +98,29 @@ def _wrong_key(document: Document, path: DataPath, schema: Any) -> str | None:
         around[step] = mapping
 
 
-def _field_names(root: type, data: Any, path: tuple[str | int, ...]) -> list[str]:
-    """Return the keys that the structure at `path` may have."""
-    names: list[str] = []
-    for struct in _structs(_walk(type_info(root), data, path), _tag(data, path)):
-        names += [field.encode_name for field in struct.fields]
-        names += [struct.tag_field] if struct.tag_field else []
-    return names
-
-
-def _required_names(root: type, data: Any, path: tuple[str | int, ...]) -> set[str]:
-    """Return the keys that the structure at `path` must have."""
+def _keys(root: type, data: Any, path: DataPath) -> tuple[list[str], set[str]]:
+    """Return the keys that the structure at `path` may have, and those that it must have."""
     structs = _structs(_walk(type_info(root), data, path), _tag(data, path))
-    return {f.encode_name for struct in structs for f in struct.fields if f.required}
+    fields = [field for struct in structs for field in struct.fields]
+    tags = [struct.tag_field for struct in structs if struct.tag_field]
+    names = [field.encode_name for field in fields]
+    return [*names, *tags], {field.encode_name for field in fields if field.required}
 
 
-def _kinds(root: type, data: Any, path: tuple[str | int, ...]) -> list[str]:
+def _kinds(root: type, data: Any, path: DataPath) -> list[str]:
     """Return the values that the tag at `path` may have; none where it is no tag."""
     structs = _structs(_walk(type_info(root), data, path[:-1]), None)
     return [str(s.tag) for s in structs if s.tag is not None and s.tag_field == path[-1]]
 
 
-def _choices(root: type, data: Any, path: tuple[str | int, ...]) -> list[str]:
+def _choices(root: type, data: Any, path: DataPath) -> list[str]:
     """Return the words that the value at `path` may be; none where it is no choice of words."""
     type_ = _walk(type_info(root), data, path)
     members = type_.types if isinstance(type_, UnionType) else (type_,)
     return [str(w) for member in members if isinstance(member, LiteralType) for w in member.values]
 
 
-def _tag(data: Any, path: tuple[str | int, ...]) -> Any:
+def _tag(data: Any, path: DataPath) -> Any:
     for step in path:
         data = data[step]
     return data.get("kind") if isinstance(data, dict) else None
@@ -140,7 +133,7 @@ def _structs(type_: Type, tag: Any) -> list[StructType]:
     return [struct for struct in structs if tag is not None and struct.tag == tag] or structs
 
 
-def _walk(type_: Type, data: Any, path: tuple[str | int, ...]) -> Type:
+def _walk(type_: Type, data: Any, path: DataPath) -> Type:
     """Follow a path through the types, choosing in unions by the data's own tags."""
     for step in path:
         tag = data.get("kind") if isinstance(data, dict) else None

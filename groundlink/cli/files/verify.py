@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
-from rich.console import Console, RenderableType
-from rich.text import Text
+from rich.console import Console
 
 from groundlink.bus.topics import process_names
 from groundlink.cli import Subparsers
@@ -27,7 +26,7 @@ from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.core.extras import needs
 from groundlink.episode import journal as journals
 from groundlink.loader import load
-from groundlink.monitor.run_monitor import RunMonitor
+from groundlink.messages.base import Health
 from groundlink.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -134,23 +133,19 @@ def _run(
         commands, run, endpoint, console, finite={running.RECORDER}
     )
     recorder, monitor = supervised_run.children[running.RECORDER], supervised_run.monitor
-    failed = supervised_run.go(lambda: recorder.is_done, lambda: _progress(monitor, seconds))
+
+    def done(health: Health, pace: str) -> str:
+        return f"{min(health.tick * TICK_NANOS / NANOS, seconds):.1f} of {seconds:.1f} s{pace}"
+
+    failed = supervised_run.go(
+        lambda: recorder.is_done, lambda: supervised.recorder_progress(monitor, done)
+    )
     if failed:
         return supervised.exit_code(failed)
     if not verdict.exists():
         console.print("ended early: nothing was compared")
         return 1
     return None
-
-
-def _progress(monitor: RunMonitor, seconds: float) -> RenderableType:
-    """Return the progress of the run."""
-    health = monitor.health.get(running.RECORDER)
-    if health is None or health.tick < 0:
-        return Text("starting")
-    factor = monitor.real_time_factor
-    pace = "" if factor is None else f", {factor:.2f} x real time"
-    return Text(f"{min(health.tick * TICK_NANOS / NANOS, seconds):.1f} of {seconds:.1f} s{pace}")
 
 
 def _table(verdicts: list[TopicComparison], epoch_nanos: int) -> FittingTable:

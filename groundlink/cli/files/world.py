@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from groundlink.cli import Subparsers
+from groundlink.cli.run.running import check_new_file
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.importing import heightmaps, mesh_files, world_files
@@ -146,10 +147,8 @@ def import_(options: argparse.Namespace) -> int:
     """Print the content of a file; write a world file with `--out`."""
     file, out = options.file, options.out
     folder = Path() if out is None else out.parent
-    if out is not None and out.exists():
-        raise UserError(f"--out {out}: file exists. Fix: delete it or choose another name")
-    if not folder.is_dir():
-        raise UserError(f"--out {out}: no such folder: {folder}")
+    if out is not None:
+        check_new_file("--out", out)
     if file.suffix.lower() not in _FORMATS:
         raise UserError(f"{file}: unknown format; expected one of {', '.join(_FORMATS)}")
     named = os.path.relpath(file, folder)

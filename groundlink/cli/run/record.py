@@ -7,8 +7,7 @@ Starts physics, sensors, drivers and the recorder, without ROS. The summary is r
 import argparse
 from pathlib import Path
 
-from rich.console import Console, RenderableType
-from rich.text import Text
+from rich.console import Console
 
 from groundlink.cli import Subparsers
 from groundlink.cli.terminal import output as terminal
@@ -16,6 +15,7 @@ from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.loader import load
+from groundlink.messages.base import Health
 from groundlink.monitor.run_monitor import RATE_TOLERANCE, RunMonitor
 
 from . import running, supervised
@@ -73,8 +73,13 @@ def record(options: argparse.Namespace) -> int:
         commands, run, options.listen, console, finite={running.RECORDER}
     )
     recorder, monitor = supervised_run.children[running.RECORDER], supervised_run.monitor
+
+    def done(health: Health, pace: str) -> str:
+        size = f"{health.counters['bytes'] / 1e6:.1f} MB"
+        return f"{monitor.sim_seconds:.1f} of {options.duration:g} s{pace}, {size}"
+
     failed = supervised_run.go(
-        lambda: recorder.is_done, lambda: _progress(monitor, options.duration)
+        lambda: recorder.is_done, lambda: supervised.recorder_progress(monitor, done)
     )
     if failed:
         return supervised.exit_code(failed)
@@ -91,17 +96,6 @@ _TOPICS = (
 
 UNUSUAL = ("/faults/", "/gaps/")
 """Topics that are normally empty."""
-
-
-def _progress(monitor: RunMonitor, seconds: float) -> RenderableType:
-    """Return the progress of the recording."""
-    health = monitor.health.get(running.RECORDER)
-    if health is None or health.tick < 0:
-        return Text("starting")
-    factor = monitor.real_time_factor
-    pace = "" if factor is None else f", {factor:.2f} x real time"
-    size = health.counters["bytes"] / 1e6
-    return Text(f"{monitor.sim_seconds:.1f} of {seconds:g} s{pace}, {size:.1f} MB")
 
 
 def _verdict(console: Console, out: Path, monitor: RunMonitor) -> int:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
-from groundlink.bus.core_topics import HEALTH
+from groundlink.bus.core_topics import HEALTH, RECORDER
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.cli.terminal.output import display, say, stop_on_signals
@@ -133,6 +133,15 @@ class SupervisedRun:
         """Return the live status above the newest log lines."""
         newest = list(self._lines)[-LINES_SHOWN:]
         return Group(picture, *(Text(line, no_wrap=True, overflow="ellipsis") for line in newest))
+
+
+def recorder_progress(monitor: RunMonitor, text: Callable[[Health, str], str]) -> Text:
+    """Return the text of the recorder's health and the run's pace, once the recorder has begun."""
+    health = monitor.health.get(RECORDER)
+    if health is None or health.tick < 0:
+        return Text("starting")
+    factor = monitor.real_time_factor
+    return Text(text(health, "" if factor is None else f", {factor:.2f} x real time"))
 
 
 def exit_code(child: Child) -> int:

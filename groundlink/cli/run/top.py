@@ -68,6 +68,14 @@ def top(options: argparse.Namespace) -> int:
         if shown.is_terminal and not options.json and not options.once:
             live = Live(console=shown, auto_refresh=False, screen=False)
             live.start()
+
+        def show(now: float) -> None:
+            _query_link(bus, run, scenario, overview)
+            if options.json:
+                print(json.dumps(overview.snapshot(now)), flush=True)
+            elif not live:
+                shown.print(picture(overview, now))
+
         try:
             while not stop.is_set():
                 while arrived := inbox.get(seconds=0.0 if len(inbox) else 0.1):
@@ -84,21 +92,12 @@ def top(options: argparse.Namespace) -> int:
                     live.update(picture(overview, now), refresh=True)
                 if now >= next_second:
                     next_second += PERIOD_SECONDS
-                    _query_link(bus, run, scenario, overview)
-                    if options.json:
-                        print(json.dumps(overview.snapshot(now)), flush=True)
-                    elif not live:
-                        shown.print(picture(overview, now))
+                    show(now)
         finally:
             if live:
                 live.stop()
         if options.once and not stop.is_set():
-            _query_link(bus, run, scenario, overview)
-            now = time.monotonic()
-            if options.json:
-                print(json.dumps(overview.snapshot(now)), flush=True)
-            else:
-                shown.print(picture(overview, now))
+            show(time.monotonic())
     return 0
 
 

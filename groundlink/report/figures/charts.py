@@ -2,6 +2,7 @@
 """Charts of a run as SVG: trajectory, speed, rates, ages and energy."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -107,16 +108,7 @@ def trajectory(
             bar = figure.colorbar(drawn, cax=figure.add_axes(tuple(beside / inches)))
             bar.set_label("speed, m/s", color=MUTED)
             bar.outline.set_visible(False)
-        handles, labels = plot.get_legend_handles_labels()
-        known = dict(zip(labels, handles, strict=True))
-        plot.legend(
-            known.values(),
-            known.keys(),
-            loc="upper right",
-            bbox_to_anchor=(1.0, -0.3 / plan_height),
-            ncols=4,
-            borderaxespad=0,
-        )
+        _legend(plot, loc="upper right", bbox_to_anchor=(1.0, -0.3 / plan_height), ncols=4)
         return svg(figure, "Trajectory from above over the plan of the world")
 
 
@@ -136,6 +128,13 @@ def _shown(
             low, high = np.minimum(low, corner - 0.1), np.maximum(high, far + 0.1)
     lack = np.maximum(MIN_EXTENT_M - (high - low), 0.0) / 2
     return low - lack, high + lack
+
+
+def _legend(plot: Axes, **where: Any) -> None:
+    """Add a legend that has each label once."""
+    handles, labels = plot.get_legend_handles_labels()
+    known = dict(zip(labels, handles, strict=True))
+    plot.legend(known.values(), known.keys(), borderaxespad=0, **where)
 
 
 def _ends(plot: Axes, name: str, track: NDArray[np.float64]) -> None:
@@ -288,14 +287,5 @@ def energy(energies: Sequence[Energy], span: Span) -> str:
                 )
         plot.set_ylim(bottom=0.0)
         plot.set_ylabel("energy, J")
-        handles, labels = plot.get_legend_handles_labels()
-        known = dict(zip(labels, handles, strict=True))
-        plot.legend(
-            known.values(),
-            known.keys(),
-            loc="lower right",
-            bbox_to_anchor=(1.0, 1.0),
-            ncols=3,
-            borderaxespad=0,
-        )
+        _legend(plot, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
         return svg(figure, "Work of the motors over time")

@@ -17,6 +17,9 @@ import yaml
 from groundlink.core.clock import NANOS
 from groundlink.episode.routes import line
 from groundlink.messages.base import NOT_REPORTED
+from groundlink.messages.missing_readings import CAUSES as MISSING_CAUSES
+from groundlink.messages.missing_readings import in_words
+from groundlink.report.analysis.completeness import IN_TRANSIT, UNEXPLAINED, StreamCompleteness
 from groundlink.report.analysis.diagnostics import CAUSES, PROCESS_FIELDS
 from groundlink.report.analysis.gather import RunSummary
 from groundlink.report.analysis.motion import VehicleMotion, passages
@@ -31,7 +34,6 @@ from groundlink.report.analysis.sensors import (
 from groundlink.report.figures import charts as figures
 from groundlink.report.figures import sensors as sensor_figures
 from groundlink.report.figures.plan import TALL_M
-from groundlink.report.page.missing_readings import missing_section
 from groundlink.report.page.verdict import keeps_rate, verdict
 from groundlink.scene.build import solids
 from groundlink.world import terrain as terrains
@@ -53,6 +55,9 @@ from .html import (
 
 Span = tuple[float, float]
 
+LISTED = 100
+"""Maximum gaps listed of one stream."""
+
 LEAST_REACH_M = 3.0
 """Half the side of the plan around a cloud is at least this."""
 
@@ -69,7 +74,7 @@ def page(run: RunSummary) -> str:
     sections += [
         _cameras(run),
         _failures(run),
-        missing_section(run.completeness),
+        _missing_section(run.completeness),
         _processes(run),
         _origin(run),
     ]
@@ -360,3 +365,40 @@ def _vehicle(
             )
             parts += [heading(each.topic), figure(drawn, caption)]
     return parts
+
+
+def _missing_section(streams: Sequence[StreamCompleteness]) -> Markup:
+    """Return the section; empty without sensors."""
+    sums: list[tuple[str, ...]] = []
+    gaps: list[tuple[str, ...]] = []
+    off: list[int] = []
+    unknown: list[int] = []
+    further = 0
+    for stream in streams:
+        holes, missing = stream.holes(), stream.missing()
+        if missing.keys() - {IN_TRANSIT}:
+            off.append(len(sums))
+        sums.append((stream.topic, str(stream.due), str(stream.published), in_words(missing)))
+        further += len(holes[LISTED:])
+        for hole in holes[:LISTED]:
+            if hole.cause == UNEXPLAINED:
+                unknown.append(len(gaps))
+            stamps = (f"{nanos / NANOS:.4f} s" for nanos in (hole.first_nanos, hole.last_nanos))
+            gaps.append((stream.topic, *stamps, str(hole.readings), hole.cause))
+    if not sums:
+        return Markup("")
+    parts = [
+        table(("topic", "due", "recorded", "missing"), sums, numbers=(1, 2), code=(0,), off=off),
+        paragraph("Due is what the scenario declares, reading by reading."),
+    ]
+    if gaps:
+        columns = ("topic", "from", "to", "readings", "cause")
+        parts.append(table(columns, gaps, numbers=(1, 2, 3), code=(0,), off=unknown))
+        parts.append(paragraph("Times are the stamps of the first and the last that is missing."))
+    if further:
+        parts.append(paragraph(f"{further} more are not listed."))
+    met = {row[-1] for row in gaps}
+    meanings = [f"{cause}: {meaning}" for cause, meaning in MISSING_CAUSES.items() if cause in met]
+    if meanings:
+        parts.append(paragraph("; ".join(meanings) + "."))
+    return section("Missing readings", *parts)

@@ -6,12 +6,12 @@ A run is fine only if no bar of the page is orange or red.
 
 from collections.abc import Sequence
 
+from groundlink.messages.missing_readings import in_words
 from groundlink.monitor.run_monitor import RATE_TOLERANCE
+from groundlink.report.analysis.completeness import IN_TRANSIT, StreamCompleteness
 from groundlink.report.analysis.gather import RunSummary
 from groundlink.report.analysis.streams import StreamTimes
 from groundlink.report.page.html import Markup, text
-
-from .missing_readings import missing_lines
 
 Span = tuple[float, float]
 
@@ -32,7 +32,7 @@ def problems(run: RunSummary) -> list[str]:
             lines.append(f"{stream.topic}: {gaps}, the longest of {longest:.0f} ms")
         elif keeps_rate(stream) and (spans := stream.unkept()):
             lines.append(f"{stream.topic}: not {stream.declared_hz:g} Hz {_spans(run, spans)}")
-    lines += missing_lines(run.completeness)
+    lines += _missing_lines(run.completeness)
     for (topic, direction), words in run.diagnostics.streams.items():
         lost, sent = words.last.get("lost", "0"), words.last.get("sent", "")
         if lost != "0":
@@ -47,6 +47,17 @@ def problems(run: RunSummary) -> list[str]:
             lines.append(f"{failures.sensor} had injected faults: {kinds}")
     if run.undecodable:
         lines.append(f"{run.undecodable} messages could not be read")
+    return lines
+
+
+def _missing_lines(streams: Sequence[StreamCompleteness]) -> list[str]:
+    """Return one line for each stream with missing readings."""
+    lines = []
+    for stream in streams:
+        missing = stream.missing()
+        del missing[IN_TRANSIT]
+        if missing:
+            lines.append(f"{stream.topic}: of {stream.due} readings {in_words(missing)}")
     return lines
 
 

@@ -19,11 +19,8 @@ from groundlink.messages.missing_readings import MissingReadings, MissingSpan
 from groundlink.messages.navigation import Odometry
 from groundlink.recording.metadata import (
     RUN_RECORD,
-    TOPICS_RECORD,
-    TopicFacts,
     describe_run,
     run_entries,
-    topic_entries,
 )
 from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile
@@ -123,18 +120,8 @@ def write(path: Path) -> Path:
         )
         file.topic(DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE).write(stamp, diagnostics(stamp, [gateway]))
     declared = {"/imu": 400.0, "/ground_truth/odom": 50.0, "/vitals": 10.0, "/camera/image": 5.0}
-    found = {
-        topic.name: TopicFacts(
-            type=topic.ros_type,
-            messages=topic.messages,
-            first_nanos=topic.first_nanos,
-            last_nanos=topic.last_nanos,
-            declared_hz=declared.get(topic.name),
-        )
-        for topic in file.topics()
-    }
-    file.mcap.commit(TOPICS_RECORD, topic_entries(found))
-    file.mcap.close()
+    file.commit(declared)
+    file.close()
     return path
 
 
