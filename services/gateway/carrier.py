@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from types import TracebackType
 
 import msgspec
 from msgspec.structs import replace
@@ -168,13 +167,8 @@ class StreamCarrier:
     def __enter__(self) -> "StreamCarrier":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._opened.__exit__(kind, error, trace)
+    def __exit__(self, *error: object) -> None:
+        self._opened.close()
 
     def run(self, stop: threading.Event) -> Scenario | None:
         """Carry streams until `stop` is set; return the scenario for another carrier, if any."""

@@ -7,7 +7,6 @@ The same calls give the same bytes. Nothing here reads a clock or knows how fast
 from collections.abc import Callable, Mapping, Sequence, Set
 from contextlib import closing
 from struct import Struct
-from types import TracebackType
 from typing import Self
 
 from groundlink.core.clock import TICK_NANOS
@@ -177,12 +176,7 @@ class Simulation:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:

@@ -36,19 +36,9 @@ class LidarModel:
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Lidar) -> None:
         self._frame = vehicle.frame_prefix + spec.frame
         self.scanner = Scanner(scenario, vehicle, spec, truth=spec.truth)
+        self.restart, self.behind = self.scanner.restart, self.scanner.behind
+        self.settled_tick = self.scanner.settled_tick
         self._seconds: Reals = self.scanner.blocks.since_start(self.scanner.sweep.seconds)
-
-    def restart(self) -> None:
-        """Forget earlier states; the next block is the first that begins after this call."""
-        self.scanner.restart()
-
-    def settled_tick(self) -> int:
-        """Return the tick at which the current block began; -1 before the first state."""
-        return self.scanner.settled_tick()
-
-    def behind(self, waiting: int) -> None:
-        """Report, before each state, how many further states have arrived."""
-        self.scanner.behind(waiting)
 
     def readings(self, state: State) -> list[Made]:
         """Take the state of the next tick and return the readings that it completes, oldest first.

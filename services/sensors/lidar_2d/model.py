@@ -36,19 +36,9 @@ class Lidar2dModel:
         self._spec = spec
         self._frame = vehicle.frame_prefix + spec.frame
         self._scanner = Scanner(scenario, vehicle, spec)
+        self.restart, self.behind = self._scanner.restart, self._scanner.behind
+        self.settled_tick = self._scanner.settled_tick
         self._step_rad = SIGNS[spec.rotation] * 2 * math.pi / spec.firings_per_revolution
-
-    def restart(self) -> None:
-        """Forget earlier states; the next scan is the first that begins after this call."""
-        self._scanner.restart()
-
-    def settled_tick(self) -> int:
-        """Return the tick at which the current scan began; -1 before the first state."""
-        return self._scanner.settled_tick()
-
-    def behind(self, waiting: int) -> None:
-        """Report, before each state, how many further states have arrived."""
-        self._scanner.behind(waiting)
 
     def readings(self, state: State) -> list[LaserScan | LeftOut]:
         """Take the state of the next tick and return the readings that it completes, oldest first.

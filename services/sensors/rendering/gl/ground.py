@@ -21,8 +21,7 @@ from services.sensors.rendering.look.textures import period_m, texture
 
 from .context import filtered
 from .ground_levels import HALF_PIXEL, SIDE, Levels
-from .programs import CELLS, HEIGHTS, KINDS, PATTERNS
-from .uniforms import put, put_integers
+from .programs import CELLS, HEIGHTS, KINDS, PATTERNS, put, put_integers
 
 MOST_PATCHES = 1024
 """Initial capacity in patches."""

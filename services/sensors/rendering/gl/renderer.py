@@ -25,11 +25,10 @@ from services.sensors.rendering.look.mesh import Skin, SkinnedMesh
 from .context import filtered, open_context
 from .culling import from_near_to_far, seen
 from .ground import DrawnGround
-from .programs import BASE, SHADOWS, programs
+from .programs import BASE, SHADOWS, programs, put, put_matrix
 from .shadows import ShadowMaps
 from .stage import Stage, Things
 from .target import ColorTarget, Frame, Layer, TruthTarget
-from .uniforms import put, put_matrix
 
 
 class Renderer:

@@ -15,8 +15,8 @@ from groundlink.core.frames import Floats
 from services.sensors.rendering.look.lights import Lighting, window
 
 from .culling import seen
+from .programs import put_matrix
 from .stage import DrawCall, Outline, Stage
-from .uniforms import put_matrix
 
 TEXELS = 1536
 """Texels along each side of a light's map; the maps are side by side. A larger map would not fit

@@ -14,8 +14,16 @@ from numpy.typing import NDArray
 from groundlink.loader.partial_scenario import FileKind, load_partial
 from groundlink.loader.scenario_files import SHIPPED
 from services.sensors.rendering.portrait.__main__ import FROM_DEG
-from services.sensors.rendering.portrait.marks import BLUE, GREEN, RED, mark
-from services.sensors.rendering.portrait.picture import MARGIN, direction, portrait, view
+from services.sensors.rendering.portrait.picture import (
+    BLUE,
+    GREEN,
+    MARGIN,
+    RED,
+    direction,
+    mark,
+    portrait,
+    view,
+)
 from services.sensors.rendering.portrait.scene import NamedFrame, scene
 
 SIZE = (480, 320)
