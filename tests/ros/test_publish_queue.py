@@ -14,7 +14,7 @@ from udp_bridge.node.publish_queue import MAX_TOPICS, QUICK_SECONDS, PublishQueu
 from .waiting import wait_until
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
-from udp_bridge_ros2.publishers import Ros2Publishers
+from udp_bridge_ros2.topics import Ros2Publishers
 
 SENDER = ("127.0.0.1", 1)
 

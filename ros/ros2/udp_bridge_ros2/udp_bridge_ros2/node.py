@@ -18,10 +18,8 @@ from udp_bridge.node.bridge_node import BridgeNode, Settings
 from udp_bridge.node.diagnostics import TOPIC, DiagnosticsPublisher
 
 from . import environment
-from .graph import Ros2Graph
-from .publishers import Ros2Publishers
 from .services import Ros2Services
-from .subscriptions import Ros2Subscriptions
+from .topics import Ros2Graph, Ros2Publishers, Ros2Subscriptions
 
 MAY_BE_OTHERS = ("datagram", "allow_any_peer")
 """Parameters that accept text, a number or a boolean."""

@@ -3,18 +3,20 @@
 
 from __future__ import annotations
 
+import logging
 import time
-from typing import Optional
+from typing import Any, Callable, FrozenSet, Hashable, List, Optional
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
+from rospy.impl.registration import Registration, get_topic_manager
 
 from udp_bridge.node.bridge_node import BridgeNode, Settings
+from udp_bridge.node.command_client import RunCommandClient
 from udp_bridge.node.diagnostics import TOPIC, DiagnosticsPublisher
+from udp_bridge.node.run_control import RunControl, triggers
 
-from .graph import Ros1Graph
 from .publishers import Ros1Publishers
-from .services import Ros1Services
 from .subscriptions import Ros1Subscriptions
 
 
@@ -72,3 +74,60 @@ class Ros1Node:
         """Stop all threads and log the totals."""
         self._services.close()
         self._bridge.close(self._subscriptions.refused)
+
+
+class Ros1Services:
+    """Services that pause, step and reset the run, until `close`: std_srvs/Trigger as `~pause`.
+
+    rospy serves each caller in its own thread, so a waiting call does not block other calls. Logs
+    a warning if std_srvs is not installed.
+    """
+
+    def __init__(self, client: RunCommandClient, log: logging.Logger) -> None:
+        self._client = client
+        self._services = []
+        try:
+            from std_srvs.srv import Trigger, TriggerResponse
+        except ImportError:
+            log.warning("std_srvs is not installed: no services")
+            return
+        filled = triggers(RunControl(client), lambda: int(rospy.get_param("~step_ticks", 1)))
+        for name, fill in filled.items():
+            serve = lambda _, fill=fill: fill(TriggerResponse())  # noqa: E731
+            self._services.append(rospy.Service(f"~{name}", Trigger, serve))
+        log.info(f"services of std_srvs at {rospy.get_name()}/: {', '.join(filled)}")
+
+    def close(self) -> None:
+        """Stop the services; waiting calls fail."""
+        self._client.close()
+        for service in self._services:
+            service.shutdown()
+
+
+class Ros1Graph:
+    """Publishers and subscribers in the ROS 1 graph (`udp_bridge.node.responses.RosGraph`).
+
+    Only connections of this node count. A message that is published before the connection exists
+    does not reach the subscriber, and the master also lists nodes that have crashed.
+    """
+
+    def publishers(self, topic: str) -> FrozenSet[Hashable]:
+        """Return identities of a topic's publishers; a restarted publisher has a new one."""
+        return frozenset(connection.id for connection in _connections(Registration.SUB, topic))
+
+    def has_publisher(self, topic: str) -> bool:
+        """Return whether a topic has a publisher."""
+        return bool(_connections(Registration.SUB, topic))
+
+    def has_subscriber(self, topic: str) -> bool:
+        """Return whether a topic has a subscriber."""
+        return bool(_connections(Registration.PUB, topic))
+
+    def listen(self, topic: str, take: Callable[[], object]) -> object:
+        """Subscribe to a topic of any type."""
+        return rospy.Subscriber(topic, rospy.AnyMsg, lambda _: take(), queue_size=10)
+
+
+def _connections(kind: str, topic: str) -> List[Any]:
+    found = get_topic_manager().get_impl(kind, rospy.resolve_name(topic))
+    return list(found.connections or ()) if found is not None else []  # None during shutdown

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Topics of ROS 2: publishers and raw subscriptions of CDR bytes, and the graph."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from rclpy.serialization import deserialize_message
+
+from udp_bridge.node.message_class import message_class
+from udp_bridge.node.options import prefix_frames
+from udp_bridge.node.publish_queue import Publication
+from udp_bridge.node.subscriptions import Subscription
+
+from . import qos as qos_profiles
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from udp_bridge.node.topic_qos import TopicQos
+    from udp_bridge.wire.header import Buffer
+    from udp_bridge.wire.types import MessageType
+
+
+class Ros2Publishers:
+    """Factory of a node's publishers, which publish CDR bytes unchanged."""
+
+    def __init__(self, node: Node, frame_prefix: str = "") -> None:
+        self._node = node
+        self._frame_prefix = frame_prefix
+
+    def get_logger(self) -> Any:
+        """Return the node's logger."""
+        return self._node.get_logger()
+
+    def publisher(self, row: MessageType, topic: str, qos: TopicQos) -> Publication:
+        """Return a publisher of a topic."""
+        assert row.ros_type is not None
+        ros_class = message_class(row.ros_type)
+        publisher = self._node.create_publisher(
+            ros_class,
+            topic,
+            qos_profiles.publisher_profile(qos),
+            qos_overriding_options=qos_profiles.OVERRIDES,
+        )
+
+        def publish(body: Buffer) -> None:
+            publisher.publish(bytes(body))  # the only copy; rclpy accepts only bytes
+
+        def publish_prefixed(body: Buffer) -> None:
+            message = deserialize_message(bytes(body), ros_class)
+            prefix_frames(message, self._frame_prefix)
+            publisher.publish(message)
+
+        return Publication(
+            publish_prefixed if self._frame_prefix else publish,
+            lambda: self._node.destroy_publisher(publisher),
+        )
+
+
+class Ros2Subscriptions:
+    """Factory of a node's subscriptions; callbacks run in the thread that spins the node."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+
+    def get_logger(self) -> Any:
+        """Return the node's logger."""
+        return self._node.get_logger()
+
+    def now_nanos(self) -> int:
+        """Return the node's time in nanoseconds."""
+        return int(self._node.get_clock().now().nanoseconds)
+
+    def type_of(self, topic: str) -> str:
+        """Return the full type name of a published topic; empty without a publisher."""
+        found = self._node.get_publishers_info_by_topic(topic)
+        return str(found[0].topic_type) if found else ""
+
+    def subscribe(
+        self, row: MessageType, topic: str, take: Callable[[bytes], None]
+    ) -> Subscription:
+        """Call `take` with the body of each message."""
+        ros_class = message_class(str(row.ros_type))
+        fields = ros_class.get_fields_and_field_types()
+        made = self._node.create_subscription(
+            ros_class,
+            topic,
+            take,
+            qos_profiles.subscription_profile(row.name),
+            raw=True,
+            qos_overriding_options=qos_profiles.OVERRIDES,
+        )
+        return Subscription(
+            fields.get("header") == "std_msgs/Header",
+            lambda: self._node.destroy_subscription(made),
+        )
+
+
+class Ros2Graph:
+    """Graph as a node sees it (`udp_bridge.node.responses.RosGraph`).
+
+    Use it only in the thread that spins the node.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+
+    def publishers(self, topic: str) -> frozenset[Hashable]:
+        """Return identities of a topic's publishers; a restarted publisher has a new one."""
+        found = self._node.get_publishers_info_by_topic(topic)
+        return frozenset(bytes(info.endpoint_gid) for info in found)
+
+    def has_publisher(self, topic: str) -> bool:
+        """Return whether a topic has a publisher."""
+        return bool(self._node.count_publishers(topic))
+
+    def has_subscriber(self, topic: str) -> bool:
+        """Return whether a topic has a subscriber."""
+        return bool(self._node.count_subscribers(topic))
+
+    def listen(self, topic: str, take: Callable[[], object]) -> object:
+        """Subscribe to a topic of any type, as soon as its type is known."""
+        for info in self._node.get_publishers_info_by_topic(topic):
+            return self._node.create_subscription(
+                message_class(info.topic_type),
+                topic,
+                partial(_take, take),
+                qos_profiles.subscription_profile(""),
+                raw=True,
+            )
+        return None
+
+
+def _take(take: Callable[[], object], _: bytes) -> None:
+    take()
