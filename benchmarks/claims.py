@@ -6,9 +6,12 @@ A claim is a ratio or a count, never a time: those depend on the machine.
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+Row = Mapping[str, Any]
+"""A line of a table of measurements."""
 
 
 class Claim(NamedTuple):
@@ -32,6 +35,13 @@ class Claim(NamedTuple):
     def __str__(self) -> str:
         verdict = "holds" if self.holds else "DOES NOT HOLD"
         return f"{verdict:13} {self.what}: {self.value:.2f}, claimed {self.limit_text}"
+
+
+class BenchmarkResult(NamedTuple):
+    """Measured rows and the claims that they support."""
+
+    rows: Sequence[Row]
+    claims: Sequence[Claim]
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

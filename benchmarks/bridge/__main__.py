@@ -15,12 +15,11 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from benchmarks.claims import Claim, add_options, judge
+from benchmarks.claims import BenchmarkResult, Claim, Row, add_options, judge
 
 from . import contention as crowded
 from . import cpp, latency, resending, throughput
 from .processes import drop_privileges
-from .result import BenchmarkResult, Row
 
 PARTS: dict[str, Callable[[bool, Path], BenchmarkResult]] = {
     "latency": latency.run,

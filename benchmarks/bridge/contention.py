@@ -9,11 +9,10 @@ import statistics
 from contextlib import closing
 from pathlib import Path
 
-from benchmarks.claims import Claim
+from benchmarks.claims import BenchmarkResult, Claim
 
 from .bridge_transports import PLAIN, DeliverySummary, UdpBridge
 from .processes import busy_processes
-from .result import BenchmarkResult
 
 SIZE = 10_000_000
 BUSY = 2

@@ -11,11 +11,10 @@ import subprocess
 from contextlib import closing
 from pathlib import Path
 
-from benchmarks.claims import Claim
+from benchmarks.claims import BenchmarkResult, Claim
 
 from .bridge_transports import UdpBridge
 from .processes import LineProcess
-from .result import BenchmarkResult
 from .transports import HERE, RECEIVE_BUFFER
 
 SIZES = (1_000, 100_000, 1_000_000)

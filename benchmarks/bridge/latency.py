@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
 
-from benchmarks.claims import Claim
+from benchmarks.claims import BenchmarkResult, Claim
 
 from .bridge_transports import BusTransport, UdpBridge
-from .result import BenchmarkResult
 from .transports import CProgram, Rosbridge, RosSharp, Tcp, Transport
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000, 10_000_000, 16_000_000)

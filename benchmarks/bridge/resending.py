@@ -10,13 +10,12 @@ import statistics
 from contextlib import closing
 from pathlib import Path
 
-from benchmarks.claims import Claim
+from benchmarks.claims import BenchmarkResult, Claim
 from udp_bridge.sender.repair import Resend
 
 from .bridge_transports import UdpBridge
 from .latency import measure
 from .processes import TimedOut
-from .result import BenchmarkResult
 
 SIZES = (100_000, 1_000_000, 10_000_000)
 LOST = 0.05

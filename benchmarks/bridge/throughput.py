@@ -9,10 +9,9 @@ import statistics
 from contextlib import closing
 from pathlib import Path
 
-from benchmarks.claims import Claim
+from benchmarks.claims import BenchmarkResult, Claim
 
 from .bridge_transports import UdpBridge
-from .result import BenchmarkResult
 from .transports import CProgram, StreamingTransport
 
 SIZES = (1_000_000, 16_000_000)
