@@ -23,43 +23,7 @@ import pyorbslam3
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-SETTINGS = """\
-%YAML:1.0
----
-File.version: "1.0"
-Camera.type: "PinHole"
-Camera1.fx: {fx}
-Camera1.fy: {fy}
-Camera1.cx: {cx}
-Camera1.cy: {cy}
-Camera1.k1: 0.0
-Camera1.k2: 0.0
-Camera1.p1: 0.0
-Camera1.p2: 0.0
-Camera.width: {width}
-Camera.height: {height}
-Camera.fps: {fps}
-Camera.RGB: 0
-Stereo.ThDepth: 40.0
-Stereo.b: 0.07732
-RGBD.DepthMapFactor: 1.0
-ORBextractor.nFeatures: {features}
-ORBextractor.scaleFactor: 1.2
-ORBextractor.nLevels: 8
-ORBextractor.iniThFAST: {contrast}
-ORBextractor.minThFAST: {least}
-loopClosing: 1
-Viewer.KeyFrameSize: 0.05
-Viewer.KeyFrameLineWidth: 1.0
-Viewer.GraphLineWidth: 0.9
-Viewer.PointSize: 2.0
-Viewer.CameraSize: 0.08
-Viewer.CameraLineWidth: 3.0
-Viewer.ViewpointX: 0.0
-Viewer.ViewpointY: -0.7
-Viewer.ViewpointZ: -1.8
-Viewer.ViewpointF: 500.0
-"""
+SETTINGS = Path(__file__).with_name("orb_slam3_settings.yaml")
 """As in ORB-SLAM3's own examples. The viewer is not started, but its settings have to be there."""
 
 SHARE = 2.0
@@ -92,7 +56,7 @@ def main() -> None:
     camera, stamps = look(options)
     settings = options.out.with_suffix(".settings.yaml")
     settings.write_text(
-        SETTINGS.format(
+        SETTINGS.read_text(encoding="utf-8").format(
             fx=camera.k[0],
             fy=camera.k[4],
             cx=camera.k[2],

@@ -15,30 +15,16 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-TEXT, MUTED, LINE, BODY, WALL, FURNITURE = (
-    *("#010101", "#020202", "#030303"),
-    *("#040404", "#050505", "#060606"),
-)
-BLUE, ORANGE, GREEN, RED, VIOLET, GRAY = (
-    *("#070707", "#080808", "#090909"),
-    *("#0a0a0a", "#0b0b0b", "#0c0c0c"),
+_NAMES = (
+    *("ink", "faint", "line", "body", "wall", "furniture"),
+    *("blue", "orange", "green", "red", "violet", "gray"),
 )
 VARIABLES = {
-    TEXT: "ink",
-    MUTED: "faint",
-    LINE: "line",
-    BODY: "body",
-    WALL: "wall",
-    FURNITURE: "furniture",
-    BLUE: "blue",
-    ORANGE: "orange",
-    GREEN: "green",
-    RED: "red",
-    VIOLET: "violet",
-    GRAY: "gray",
+    f"#{number:02x}{number:02x}{number:02x}": name for number, name in enumerate(_NAMES, 1)
 }
 """Stand-in colors, and the page's variables that take their place."""
 
+TEXT, MUTED, LINE, BODY, WALL, FURNITURE, BLUE, ORANGE, GREEN, RED, VIOLET, GRAY = VARIABLES
 SERIES = (BLUE, ORANGE, GREEN, VIOLET, RED, GRAY)
 
 _STYLE: dict[Any, Any] = {

@@ -44,7 +44,7 @@ def place_clutter(
 
     Raises
     ------
-    NoRoom
+    NoFreePlace
         when no free place is left.
     """
     solids: list[Solid] = []

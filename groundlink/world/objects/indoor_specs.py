@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from groundlink.core.fields import Positive, Size3, Spec, Vector3
+from groundlink.core.fields import Positive, Size3, Spec
 
 
 class Door(Spec, frozen=True):
@@ -91,6 +91,3 @@ class Clutter(Spec, frozen=True):
     """Smallest and largest edge."""
 
     materials: tuple[str, ...] = ("cardboard", "plastic", "metal")
-
-
-__all__ = ["Clutter", "Door", "Furniture", "Room", "Vector3"]

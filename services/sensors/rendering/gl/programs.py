@@ -16,6 +16,9 @@ from .shaders import shader
 BASE, BUMPS, SHADOWS, HEIGHTS, CELLS, KINDS, PATTERNS = range(7)
 """Texture units."""
 
+SAMPLERS = ("base", "bumps", "shadow_map", "heights", "cells", "kinds", "patterns")
+"""Name of each texture unit's sampler."""
+
 
 class Pass(NamedTuple):
     """The programs that draw everything once: its colors, or its depth and labels."""
@@ -80,10 +83,6 @@ def programs(
     # From -1..1 to the texture coordinates 0..1.
     halved = np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1]])
     maps = [halved @ one.clip_from_world for one in light.lights]
-    units = {
-        **{"base": BASE, "bumps": BUMPS, "shadow_map": SHADOWS},
-        **{"heights": HEIGHTS, "cells": CELLS, "kinds": KINDS, "patterns": PATTERNS},
-    }
     for program in (program for one in passes for program in (*one.lit(), one.sky)):
         put_matrix(program, "shadow_from_world", maps)
         put(program, "light_at", [one.at for one in light.lights])
@@ -91,7 +90,7 @@ def programs(
         for name in ("ambient_above", "ambient_below", "horizon", "zenith"):
             put(program, name, getattr(light, name))
         put(program, "extinction", light.extinction_per_m)
-        for name, unit in units.items():
+        for unit, name in enumerate(SAMPLERS):
             put_integers(program, name, unit)
     return Programs(passes, made("shadow", "shadow"))
 
