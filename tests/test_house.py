@@ -28,11 +28,10 @@ FILES = [
     if "build" not in file.relative_to(ROOT).parts
 ]
 
-PAGES = [
-    page
-    for folder in ("", "docs", "deploy", "ros/ros1", "ros/ros2", "udp-bridge", "udp-bridge/csharp")
-    for page in sorted((ROOT / folder).glob("*.md"))
-]
+_PAGES_IN = ("docs", "deploy", "examples", "ros", "udp-bridge", ".github")
+PAGES = sorted(
+    [*ROOT.glob("*.md"), *(page for name in _PAGES_IN for page in (ROOT / name).rglob("*.md"))]
+)
 
 
 def read(file: Path) -> str:
