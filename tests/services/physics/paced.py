@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Self
 
 from msgspec.structs import replace
 
@@ -32,6 +33,13 @@ class Paced:
         self.now = 100.0
         self.tick = 0
         self._followed = dict.fromkeys((*SENSORS, *required), -1.0)
+
+    @classmethod
+    def joined(cls, time: Time, *, required: Sequence[str] = ()) -> Self:
+        """Return a run that all have joined."""
+        run = cls(time, required=required)
+        run.join()
+        return run
 
     def join(self) -> None:
         """Let all have said that they are there, and the first state be told."""

@@ -18,8 +18,7 @@ HALF = {LIDAR: 0.5}
 @pytest.mark.parametrize("overload", ["slow", "skip", "fail"])
 @pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
 def test_real_time_keeps_to_the_wall(overload: str, factor: float) -> None:
-    run = Paced(Time(overload=overload, factor=factor))  # type: ignore[arg-type]
-    run.join()
+    run = Paced.joined(Time(overload=overload, factor=factor))  # type: ignore[arg-type]
     run.run(10.0)
     assert run.sim_seconds == pytest.approx(10.0 * factor, abs=0.01 * factor)
     assert run.stretched == {}
@@ -27,8 +26,7 @@ def test_real_time_keeps_to_the_wall(overload: str, factor: float) -> None:
 
 
 def test_slow_stretches_time_for_a_sensor_that_is_behind_and_says_whose_fault_it_is() -> None:
-    run = Paced(Time())
-    run.join()
+    run = Paced.joined(Time())
     run.run(20.0, times_real=HALF)
     window_seconds = run.time.window_ticks / TICK_RATE_HZ
     assert run.sim_seconds == pytest.approx(10.0 + window_seconds, abs=0.2)
@@ -41,8 +39,7 @@ def test_slow_stretches_time_for_a_sensor_that_is_behind_and_says_whose_fault_it
 
 
 def test_skip_waits_for_nobody() -> None:
-    run = Paced(Time(overload="skip"))
-    run.join()
+    run = Paced.joined(Time(overload="skip"))
     run.run(10.0, times_real=HALF)
     assert run.sim_seconds == pytest.approx(10.0, abs=0.01)
     assert run.lag_ticks(LIDAR) > run.time.window_ticks
@@ -60,8 +57,7 @@ def test_skip_waits_for_nobody() -> None:
 def test_what_physics_makes_up_for_at_once_when_it_was_not_let_run(
     overload: str, pause: float, stretched: float
 ) -> None:
-    run = Paced(Time(overload=overload, catch_up=0.0))  # type: ignore[arg-type]
-    run.join()
+    run = Paced.joined(Time(overload=overload, catch_up=0.0))  # type: ignore[arg-type]
     run.run(1.0)
     run.run(9.0, pause=pause)
     assert run.sim_seconds == pytest.approx(10.0 - stretched, abs=0.02)
@@ -73,8 +69,7 @@ def test_what_physics_makes_up_for_at_once_when_it_was_not_let_run(
 def test_stamps_are_back_at_the_wall_clock_ten_seconds_after_a_stall(
     overload: str, at_once: float, factor: float
 ) -> None:
-    run = Paced(Time(overload=overload, factor=factor))  # type: ignore[arg-type]
-    run.join()
+    run = Paced.joined(Time(overload=overload, factor=factor))  # type: ignore[arg-type]
     run.run(1.0)
     run.run(at_once + 0.7, pause=at_once + 0.4)  # with time to step what is made up for at once
     behind = run.pacer.behind_seconds(run.tick)
@@ -91,8 +86,7 @@ def test_stamps_are_back_at_the_wall_clock_ten_seconds_after_a_stall(
 
 
 def test_without_catching_up_a_run_stays_behind_and_owes_nothing() -> None:
-    run = Paced(Time(catch_up=0.0))
-    run.join()
+    run = Paced.joined(Time(catch_up=0.0))
     run.run(10.0, pause=1.0)
     assert run.sim_seconds == pytest.approx(9.2, abs=0.01)
     assert run.pacer.behind_seconds(run.tick) == 0.0
@@ -100,8 +94,7 @@ def test_without_catching_up_a_run_stays_behind_and_owes_nothing() -> None:
 
 
 def test_slow_writes_off_what_is_beyond_the_deadline_and_says_so_once() -> None:
-    run = Paced(Time(deadline_s=5.0))
-    run.join()
+    run = Paced.joined(Time(deadline_s=5.0))
     run.run(10.0, pause=6.0)
     run.run(10.0, pause=6.0)
     assert run.sim_seconds == pytest.approx(20.0 - 2 * 5.8, abs=0.02)
@@ -112,8 +105,7 @@ def test_slow_writes_off_what_is_beyond_the_deadline_and_says_so_once() -> None:
 
 
 def test_skip_catches_up_however_long_it_takes() -> None:
-    run = Paced(Time(overload="skip", deadline_s=5.0))
-    run.join()
+    run = Paced.joined(Time(overload="skip", deadline_s=5.0))
     run.run(13.0, pause=13.0)
     run.run(220.0)
     assert run.sim_seconds == pytest.approx(233.0, abs=0.01)
@@ -121,8 +113,7 @@ def test_skip_catches_up_however_long_it_takes() -> None:
 
 
 def test_fail_bears_what_is_caught_up_with() -> None:
-    run = Paced(Time(overload="fail", deadline_s=0.5))
-    run.join()
+    run = Paced.joined(Time(overload="fail", deadline_s=0.5))
     for _ in range(10):
         run.run(10.0, pause=0.5)
     assert sum(run.stretched.values()) == pytest.approx(3.0, abs=0.1)
@@ -142,8 +133,7 @@ def test_in_real_time_who_is_not_there_or_does_not_matter_is_not_waited_for() ->
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_lockstep_keeps_to_the_wall_while_all_follow(factor: float) -> None:
-    run = Paced(Time(mode="lockstep", factor=factor))
-    run.join()
+    run = Paced.joined(Time(mode="lockstep", factor=factor))
     run.run(10.0)
     assert run.sim_seconds == pytest.approx(10.0 * factor, abs=0.05)
     run.run(10.0, times_real={LIDAR: 0.4 * factor})
@@ -152,8 +142,7 @@ def test_lockstep_keeps_to_the_wall_while_all_follow(factor: float) -> None:
 
 
 def test_fast_goes_as_fast_as_the_slowest() -> None:
-    run = Paced(Time(mode="fast"), required=["recorder"])
-    run.join()
+    run = Paced.joined(Time(mode="fast"), required=["recorder"])
     run.run(5.0, times_real={LIDAR: 6.0, "recorder": 40.0})
     assert run.sim_seconds == pytest.approx(30.0, abs=1.1)
     assert run.lag_ticks("recorder") <= run.lag_ticks(LIDAR) <= run.time.window_ticks
@@ -192,8 +181,7 @@ def test_lockstep_with_ros_steps_from_word_to_word() -> None:
 
 
 def test_a_pause_is_nobodys_fault_and_not_made_up_for() -> None:
-    run = Paced(Time())
-    run.join()
+    run = Paced.joined(Time())
     run.run(5.0, times_real={LIDAR: 0.0})
     before = run.sim_seconds, dict(run.stretched)
     run.now += 100.0
@@ -205,8 +193,7 @@ def test_a_pause_is_nobodys_fault_and_not_made_up_for() -> None:
 
 
 def test_two_processes_that_stall_a_step_share_its_cost() -> None:
-    run = Paced(Time())
-    run.join()
+    run = Paced.joined(Time())
     stopped = {LIDAR: 0.0, "rover/imu": 0.0}
     run.run(4.0, times_real=stopped)
     assert run.stretched[LIDAR] == pytest.approx(run.stretched["rover/imu"])

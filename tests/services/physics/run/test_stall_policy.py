@@ -20,8 +20,7 @@ SLACK = 1.1
 
 
 def begun(**time: Any) -> Paced:
-    run = Paced(Time(deadline_s=DEADLINE, **time))
-    run.join()
+    run = Paced.joined(Time(deadline_s=DEADLINE, **time))
     run.run(1.0)
     return run
 
@@ -92,8 +91,7 @@ def test_a_gateway_that_skips_ros_is_back_though_ros_may_not_be() -> None:
         ("skip", "gateway (waits for ROS) is responding again after "),
     ):
         time = Time("fast", "ros", overload=overload, deadline_s=DEADLINE)  # type: ignore[arg-type]
-        run = Paced(time, required=[GATEWAY])
-        run.join()
+        run = Paced.joined(time, required=[GATEWAY])
         run.run(1.0)
         run.run(DEADLINE + SLACK, times_real={GATEWAY: 0.0})
         run.run(1.0)
@@ -185,8 +183,7 @@ def test_a_silence_of_several_is_one_line() -> None:
 
 
 def test_of_ros_the_word_is_named_that_is_missing() -> None:
-    run = Paced(Time(mode="fast", lockstep="ros", deadline_s=DEADLINE))
-    run.join()
+    run = Paced.joined(Time(mode="fast", lockstep="ros", deadline_s=DEADLINE))
     run.run(DEADLINE + 0.1)
     assert run.lines == ["tick 1 has waited 2 s for gateway (waits for ROS)"]
 

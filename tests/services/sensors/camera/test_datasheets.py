@@ -1,16 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-from typing import Any
-
-import msgspec
 import numpy as np
 import pytest
-import yaml
 
-from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.imagery import CameraInfo
 from groundlink.scenario.sensors import Camera
 from services.sensors.camera.model import CameraModel
 from services.sensors.runtime.model import stream_and_message
+from tests.services.sensors.sheets import from_sheet
 from tests.services.sensors.yards import box, resting, yard
 
 SHEETS = {"camera_vga_mono": ("plumb_bob", 415.7), "camera_fisheye": ("equidistant", 305.6)}
@@ -19,10 +15,7 @@ SHEETS = {"camera_vga_mono": ("plumb_bob", 415.7), "camera_fisheye": ("equidista
 
 @pytest.mark.parametrize("name", SHEETS)
 def test_every_sheet_fits_and_its_camera_says_so(name: str) -> None:
-    sheet: dict[str, Any] = yaml.safe_load((SHIPPED / "sensors" / f"{name}.yaml").read_text())
-    place = {"name": "eye", "topic": "/eye/image", "frame": "eye_link"}
-    assert not place.keys() & sheet.keys()
-    spec = msgspec.convert(sheet | place, Camera)
+    spec = from_sheet(Camera, name)
     assert spec.datasheet
     made = yard(box("crate", (1, 1, 1), (5, 0.8, 0.5)))
     streams = dict(

@@ -4,16 +4,14 @@
 import math
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
-import yaml
 
-from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.depth_cameras import DepthCamera, StereoCamera
 from groundlink.scenario.sensors import Optics
 from services.sensors.depth_camera.measured import measured
 from services.sensors.rendering.gl.pinhole import Pinhole
+from tests.services.sensors.sheets import from_sheet
 
 SHEETS: dict[str, tuple[type[Optics], float, float]] = {
     "depth_hd_paper": (DepthCamera, 500.0, 495.5),
@@ -25,13 +23,9 @@ SHEETS: dict[str, tuple[type[Optics], float, float]] = {
 
 
 def read(name: str) -> Any:
-    sheet: dict[str, Any] = yaml.safe_load((SHIPPED / "sensors" / f"{name}.yaml").read_text())
     kind = SHEETS[name][0]
-    place = {"name": "eye", "topic": "/eye/left/image", "frame": "eye_link"}
-    if kind is StereoCamera:
-        place["right_topic"] = "/eye/right/image"
-    assert not place.keys() & sheet.keys()
-    return msgspec.convert(sheet | place, kind)
+    topics = {"topic": "/left/image", "right_topic": "/right/image"}
+    return from_sheet(kind, name, **(topics if kind is StereoCamera else {}))
 
 
 @pytest.mark.parametrize("name", SHEETS)

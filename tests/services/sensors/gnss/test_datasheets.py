@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
-from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
-import yaml
 
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.sensors import Gnss
 from services.sensors.gnss.model import GnssErrors
 from services.sensors.noise.random_streams import RandomStreams
+from tests.services.sensors.sheets import from_sheet
 
-SHEETS = {sheet.stem: sheet for sheet in (SHIPPED / "sensors").glob("gnss_*.yaml")}
+SHEETS = {sheet.stem for sheet in (SHIPPED / "sensors").glob("gnss_*.yaml")}
 
 HORIZONTAL_M = {
     "gnss_single_point": 2.5 / 1.1774,
@@ -23,20 +21,17 @@ HORIZONTAL_M = {
 """Of each axis: circular errors probable are 1.1774 of it."""
 
 
-def read(name: str) -> Gnss:
-    sheet: dict[str, Any] = yaml.safe_load(SHEETS[name].read_text())
-    place = {"name": "gnss", "topic": "/fix", "frame": "gnss_link"}
-    assert not place.keys() & sheet.keys()
-    return msgspec.convert(sheet | place, Gnss)
-
-
 def test_every_kind_of_solution_has_a_sheet() -> None:
-    assert {f"gnss_{read(name).solution}" for name in SHEETS} == set(SHEETS) == set(HORIZONTAL_M)
+    assert (
+        {f"gnss_{from_sheet(Gnss, name).solution}" for name in SHEETS}
+        == SHEETS
+        == set(HORIZONTAL_M)
+    )
 
 
-@pytest.mark.parametrize("name", SHEETS)
+@pytest.mark.parametrize("name", sorted(SHEETS))
 def test_sheets_have_a_source_and_their_class_of_accuracy(name: str) -> None:
-    spec = read(name)
+    spec = from_sheet(Gnss, name)
     assert spec.datasheet
     noise = spec.horizontal
     sigma = math.hypot(noise.white_stddev_m, noise.drift_stddev_m)
@@ -47,7 +42,7 @@ def test_sheets_have_a_source_and_their_class_of_accuracy(name: str) -> None:
 @pytest.mark.parametrize(("name", "cep_m"), [("gnss_single_point", 2.5), ("gnss_rtk_fix", 0.01)])
 def test_half_of_all_fixes_are_within_the_circular_error_probable(name: str, cep_m: float) -> None:
     """One fix of each of many runs, so that the drift is drawn anew."""
-    spec = read(name)
+    spec = from_sheet(Gnss, name)
     off = np.array([
         GnssErrors(spec, RandomStreams(seed, "rover/gnss")).of_fix(0).position_m
         for seed in range(2000)

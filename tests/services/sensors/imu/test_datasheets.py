@@ -1,39 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
-from typing import Any
 
-import msgspec
 import pytest
-import yaml
-from msgspec.structs import replace
 
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
 from groundlink.scenario.sensors import InertialUnit
+from tests.services.sensors.sheets import from_sheet
 
 SHEETS = sorted((SHIPPED / "sensors").glob("imu_*.yaml"))
 
 
-def read(name: str, **changed: Any) -> InertialUnit:
-    sheet: dict[str, Any] = yaml.safe_load((SHIPPED / "sensors" / f"{name}.yaml").read_text())
-    place = {"name": "imu", "topic": "/imu", "frame": "imu_link"}
-    assert not place.keys() & sheet.keys()
-    return replace(msgspec.convert(sheet | place, InertialUnit), **changed)
-
-
 @pytest.mark.parametrize("name", [sheet.stem for sheet in SHEETS])
 def test_every_data_sheet_fits_and_names_its_device(name: str) -> None:
-    assert read(name).datasheet
+    assert from_sheet(InertialUnit, name).datasheet
 
 
 def test_the_mti1_has_the_figures_of_its_table() -> None:
-    mti1 = read("imu_mti1")
+    mti1 = from_sheet(InertialUnit, "imu_mti1")
     assert mti1.accelerometer.noise_density == pytest.approx(120e-6 * 9.80665, rel=1e-4)
     assert mti1.gyroscope.noise_density == pytest.approx(math.radians(0.007), rel=1e-4)
 
 
 def test_the_mpu_6000_has_the_figures_of_its_specification() -> None:
-    mpu6000 = read("imu_mpu6000")
+    mpu6000 = from_sheet(InertialUnit, "imu_mpu6000")
     assert mpu6000.accelerometer.noise_density == pytest.approx(400e-6 * 9.80665, rel=1e-4)
     assert mpu6000.accelerometer.resolution == pytest.approx(9.80665 / 2048, rel=1e-4)
     assert mpu6000.gyroscope.noise_density == pytest.approx(math.radians(0.005), rel=1e-4)
@@ -43,14 +33,14 @@ def test_the_mpu_6000_has_the_figures_of_its_specification() -> None:
 
 def test_the_adis16448_wanders_as_in_its_source() -> None:
     """Sigma of a walk that is drawn back is its density times sqrt(time constant / 2)."""
-    adis = read("imu_adis16448")
+    adis = from_sheet(InertialUnit, "imu_adis16448")
     for triad, density in ((adis.accelerometer, 6e-3), (adis.gyroscope, 3.8785e-5)):
         sigma = density * math.sqrt(triad.bias_time_constant_s / 2)
         assert triad.bias_instability == pytest.approx(0.61736 * sigma, rel=2e-3)
 
 
 def test_the_ideal_one_has_no_errors() -> None:
-    ideal = read("imu_ideal")
+    ideal = from_sheet(InertialUnit, "imu_ideal")
     assert ideal.accelerometer == InertialNoise()
     assert ideal.gyroscope == GyroscopeNoise()
     assert ideal.orientation_stddev_deg == 0

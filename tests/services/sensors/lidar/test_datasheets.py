@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The shipped LiDAR data sheets say what the manual and the paper say."""
 
-import msgspec
 import numpy as np
 import pytest
-import yaml
 
-from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.sensors import Lidar
 from services.sensors.scanning.sweep import Sweep
+from tests.services.sensors.sheets import from_sheet
 
 # VLP-16 User Manual 63-9243 Rev D, table 9-1, by laser id, which is the order of firing.
 ELEVATION_DEG = [-15, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1, 15]
@@ -17,16 +15,9 @@ OFFSET_MM += [-offset for offset in reversed(OFFSET_MM)]
 LASER_US, CYCLE_US = 2.304, 55.296
 
 
-def sheet(name: str) -> Lidar:
-    document = yaml.safe_load((SHIPPED / "sensors" / f"{name}.yaml").read_text())
-    return msgspec.convert(
-        {**document, "name": "lidar", "topic": "/points", "frame": "lidar_link"}, Lidar
-    )
-
-
 @pytest.mark.parametrize("name", ["vlp16", "vlp16_paper"])
 def test_lasers_fire_in_the_order_of_their_ids(name: str) -> None:
-    spec = sheet(name)
+    spec = from_sheet(Lidar, name)
     sweep = Sweep(spec)
     np.testing.assert_allclose(np.array(spec.elevations_deg)[sweep.rings], ELEVATION_DEG)
     np.testing.assert_allclose(sweep.seconds[:, 0], LASER_US * 1e-6 * np.arange(16))
@@ -35,7 +26,7 @@ def test_lasers_fire_in_the_order_of_their_ids(name: str) -> None:
 
 
 def test_the_makers() -> None:
-    spec = sheet("vlp16")
+    spec = from_sheet(Lidar, "vlp16")
     np.testing.assert_allclose(1e3 * Sweep(spec).heights_m, OFFSET_MM, rtol=1e-6)
     cycle_us = 1e6 / (spec.rotation_rate_hz * spec.firings_per_revolution)
     assert cycle_us == pytest.approx(CYCLE_US, rel=3e-4)
@@ -45,7 +36,7 @@ def test_the_makers() -> None:
 
 
 def test_the_papers() -> None:
-    spec = sheet("vlp16_paper")
+    spec = from_sheet(Lidar, "vlp16_paper")
     assert len(spec.elevations_deg) * spec.firings_per_revolution == 57_600
     assert 360 / spec.firings_per_revolution == 0.1
     assert set(np.diff(spec.elevations_deg)) == {2.0}
@@ -69,7 +60,7 @@ VLP32C_AZIMUTH_DEG = [
 
 
 def test_the_vlp_32c() -> None:
-    spec = sheet("vlp32c")
+    spec = from_sheet(Lidar, "vlp32c")
     rings = np.argsort(np.argsort(VLP32C_ELEVATION_DEG))  # by laser id
     assert spec.elevations_deg == tuple(sorted(VLP32C_ELEVATION_DEG))
     assert [spec.azimuth_offsets_deg[ring] for ring in rings] == VLP32C_AZIMUTH_DEG
@@ -90,7 +81,7 @@ OUSTER_AZIMUTH_DEG = [3.164, 1.055, -1.055, -3.164]
 
 
 def test_the_os1_64() -> None:
-    spec = sheet("os1_64")
+    spec = from_sheet(Lidar, "os1_64")
     lasers = 64
     assert (len(spec.elevations_deg), spec.firings_per_revolution) == (lasers, 1024)
     even = np.linspace(-16.611, 16.611, lasers)

@@ -4,15 +4,13 @@
 import math
 from typing import Any, NamedTuple
 
-import msgspec
 import numpy as np
 import pytest
-import yaml
 from msgspec.structs import asdict
 
-from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.sensors import Lidar2d
 from tests.services.sensors.lidar import rooms
+from tests.services.sensors.sheets import from_sheet
 
 from . import planes
 
@@ -38,9 +36,7 @@ DEVICES = {
 
 
 def sheet(name: str) -> dict[str, Any]:
-    document: dict[str, Any] = yaml.safe_load((SHIPPED / "sensors" / f"{name}.yaml").read_text())
-    place = {"name": "scanner", "topic": "/scan", "frame": "scan_link"}
-    return asdict(msgspec.convert(place | document, Lidar2d)) | {"mount": planes.MOUNT}
+    return asdict(from_sheet(Lidar2d, name)) | {"mount": planes.MOUNT}
 
 
 @pytest.mark.parametrize(("name", "device"), DEVICES.items())

@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
-from typing import Any
 
-import msgspec
 import pytest
-import yaml
 from msgspec.structs import replace
 
-from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.sensors import Mount
 from services.sensors.range.model import RangeModel
 from services.sensors.range.spec import RangeFinder
+from tests.services.sensors.sheets import from_sheet
 from tests.services.sensors.yards import box, resting, yard
 
 RADIATION = {
@@ -21,16 +18,9 @@ RADIATION = {
 }
 
 
-def read(name: str, **changed: Any) -> RangeFinder:
-    sheet: dict[str, Any] = yaml.safe_load((SHIPPED / "sensors" / f"{name}.yaml").read_text())
-    place = {"name": "sonar", "topic": "/sonar", "frame": "sonar_link"}
-    assert not place.keys() & sheet.keys()
-    return replace(msgspec.convert(sheet | place, RangeFinder), **changed)
-
-
 @pytest.mark.parametrize(("name", "radiation"), RADIATION.items())
 def test_every_sheet_fits_and_measures_a_wall(name: str, radiation: str) -> None:
-    spec = read(name, mount=Mount((1.0, 0.0, 0.5)))
+    spec = replace(from_sheet(RangeFinder, name), mount=Mount((1.0, 0.0, 0.5)))
     assert spec.datasheet
     assert spec.radiation == radiation
     distance_m = 0.7
@@ -42,7 +32,7 @@ def test_every_sheet_fits_and_measures_a_wall(name: str, radiation: str) -> None
 
 
 def test_the_vl53l1x_sees_gray_about_as_far_as_its_sheet_says() -> None:
-    spec = read("vl53l1x")
+    spec = from_sheet(RangeFinder, "vl53l1x")
     assert spec.max_range_m * math.sqrt(0.17 / spec.full_range_reflectivity) == pytest.approx(
         1.7, rel=0.1
     )
