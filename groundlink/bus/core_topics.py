@@ -33,7 +33,7 @@ class Delivery(Enum):
     """The sender waits for room."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class BusTopic:
     """A kind of stream."""
 
@@ -54,36 +54,10 @@ class BusTopic:
         return f"{ROOT}/{run}/{self.key.format(**fields)}"
 
 
-STATE = BusTopic(
-    name="state",
-    key="state",
-    message=State,
-    publisher="physics",
-    rate=f"{TICK_RATE_HZ} Hz",
-    delivery=Delivery.NEWEST,
-)
+STATE = BusTopic("state", "state", State, "physics", f"{TICK_RATE_HZ} Hz", Delivery.NEWEST)
 CLOCK = replace(STATE, name="clock", key="clock", message=Clock, rate="time.clock_rate_hz")
 COMMAND = BusTopic(
-    name="command",
-    key="{vehicle}/command",
-    message=Command,
-    publisher="gateway, driver",
-    rate="as ROS sends, 50 Hz",
-    delivery=Delivery.ALL,
+    "command", "{vehicle}/command", Command, "gateway, driver", "as ROS sends, 50 Hz", Delivery.ALL
 )
-ACK = BusTopic(
-    name="ack",
-    key="ack/{process}",
-    message=Ack,
-    publisher="every sensor, gateway",
-    rate="8 Hz",
-    delivery=Delivery.ALL,
-)
-HEALTH = BusTopic(
-    name="health",
-    key="health/{process}",
-    message=Health,
-    publisher="every process",
-    rate="1 Hz",
-    delivery=Delivery.ALL,
-)
+ACK = BusTopic("ack", "ack/{process}", Ack, "every sensor, gateway", "8 Hz", Delivery.ALL)
+HEALTH = BusTopic("health", "health/{process}", Health, "every process", "1 Hz", Delivery.ALL)

@@ -67,13 +67,7 @@ class SpawnPlace(NamedTuple):
 
 
 def check_addition(given: str) -> None:
-    """Refuse an unknown name or file before the run is contacted.
-
-    Raises
-    ------
-    UserError
-        when it does.
-    """
+    """Refuse an unknown name or file with a `UserError`, before the run is contacted."""
     if given not in KINDS:
         read(partial_file(given, KINDS))
 

@@ -123,13 +123,7 @@ def _check_faults(sensor: SensorSpec, vehicle: Vehicle, document: Document, path
 
 
 def check_speeds(route: Route, model: VehicleModel, document: Document, path: DataPath) -> None:
-    """Refuse a route beyond the vehicle's top speed, or with turns it cannot make.
-
-    Raises
-    ------
-    ScenarioError
-        when it does.
-    """
+    """Raise ScenarioError for a route beyond the top speed, or with turns it cannot make."""
     if isinstance(route, ThereAndBack) and model.least_radius_m:
         raise ScenarioError(
             f"{document.mark(path)}: `{dotted(path)}`: `{model.name}` cannot turn in place; "

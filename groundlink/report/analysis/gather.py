@@ -114,10 +114,8 @@ class _Taking:
         )
         self._counted = expected = {name: facts.messages for name, facts in counted.items()}
         for vehicle in run.scenario.vehicles:
-            truth, vitals = (
-                run.scenario.ground_truth_topic(vehicle),
-                run.scenario.vitals_topic(vehicle),
-            )
+            truth = run.scenario.ground_truth_topic(vehicle)
+            vitals = run.scenario.vitals_topic(vehicle)
             motion = VehicleMotion(vehicle.name, stride(expected.get(truth, 0)))
             energy = Energy(vehicle.name, -(-expected.get(vitals, 0) // ENERGY_POINTS) or 1)
             asked = stride(expected.get(vehicle.command_topic, 0))
@@ -125,7 +123,7 @@ class _Taking:
             self.gathered.energies.append(energy)
             self._decode(truth, motion.moved, motion.stride)
             self._decode(vehicle.command_topic, motion.was_asked, asked)
-            self._on_vitals(vitals, energy)
+            self._on_report(vitals, from_vitals, energy.add)
             kept = [reading for s in vehicle.sensors if (reading := self._reading(s))]
             self.gathered.readings[vehicle.name] = kept
         self._by_topic = {stream.topic: stream for stream in self.gathered.completeness}
@@ -135,7 +133,7 @@ class _Taking:
         for sensor in run.scenario.sensor_names():
             failures = SensorFaultHistory(sensor)
             self.gathered.failures.append(failures)
-            self._on_faults(faults_topic(sensor), failures)
+            self._on_report(faults_topic(sensor), from_faults, failures.add)
         self._decode(DIAGNOSTICS_TOPIC, self.gathered.diagnostics.add, 1)
         for topic, ros_type in recording.types.items():
             if ros_type in IMAGE_TYPES:
@@ -185,17 +183,11 @@ class _Taking:
         if cloud.is_due(seconds):
             cloud.add(seconds, _decoded(message))
 
-    def _on_vitals(self, topic: str, energy: Energy) -> None:
-        def use(seconds: float, array: Any) -> None:
-            energy.add(seconds, from_vitals(array))
-
-        self._decode(topic, use, 1)
-
-    def _on_faults(self, topic: str, failures: SensorFaultHistory) -> None:
-        def use(seconds: float, array: Any) -> None:
-            failures.add(seconds, from_faults(array))
-
-        self._decode(topic, use, 1)
+    def _on_report(
+        self, topic: str, read: Callable[[Any], Any], use: Callable[[float, Any], object]
+    ) -> None:
+        """Pass every message of a topic on as `read` returns it."""
+        self._decode(topic, lambda seconds, array: use(seconds, read(array)), 1)
 
     def _on_missing_readings(self, sensor: str) -> None:
         def use(seconds: float, array: Any) -> None:

@@ -30,35 +30,31 @@ def test_a_rate_is_kept_within_two_percent(
     assert keeps_rate(stream(declared, measured)) is kept
 
 
-def test_real_time_factor_is_sim_over_wall() -> None:
+REPLAYED = [("replay", 1, tick, at) for tick, at in ((-1, 10), (-1, 15), (8000, 16), (8400, 17))]
+WAITED = [("physics", 1, 0, 20.0), ("physics", 1, 0, 25.0), ("physics", 1, 400, 26.0)]
+RESTARTED = [("physics", 1, 4000, 10.0), ("physics", 2, 0, 12.0), ("physics", 2, 400, 13.0)]
+
+
+@pytest.mark.parametrize(
+    ("heard", "factor", "sim_seconds"),
+    [
+        ([], None, 0.0),
+        ([("physics", 1, 400, 10.0)], None, 1.0),
+        ([("physics", 1, 400, 10.0), ("physics", 1, 1200, 14.0)], 0.5, 3.0),
+        (REPLAYED, 1.0, 21.0),
+        (REPLAYED + WAITED, 1.0, 1.0),
+        (RESTARTED, 1.0, 1.0),
+    ],
+    ids=["none", "one", "two", "waiting replay", "waiting physics", "restart"],
+)
+def test_real_time_factor_is_sim_over_wall_while_ticks_advance(
+    heard: list[tuple[str, int, int, float]], factor: float | None, sim_seconds: float
+) -> None:
     monitor = RunMonitor()
-    assert monitor.real_time_factor is None
-    monitor.update(Health("physics", 1, 400, {}), 10.0)
-    assert monitor.real_time_factor is None
-    monitor.update(Health("physics", 1, 1200, {}), 14.0)
-    assert monitor.real_time_factor == pytest.approx(0.5)
-    assert monitor.sim_seconds == pytest.approx(3.0)
-
-
-def test_time_that_others_are_waited_for_does_not_count() -> None:
-    monitor = RunMonitor()
-    monitor.update(Health("replay", 1, -1, {}), 10.0)
-    monitor.update(Health("replay", 1, -1, {}), 15.0)
-    monitor.update(Health("replay", 1, 8000, {}), 16.0)
-    monitor.update(Health("replay", 1, 8400, {}), 17.0)
-    assert monitor.real_time_factor == pytest.approx(1.0)
-    monitor.update(Health("physics", 1, 0, {}), 20.0)
-    monitor.update(Health("physics", 1, 0, {}), 25.0)
-    monitor.update(Health("physics", 1, 400, {}), 26.0)
-    assert monitor.real_time_factor == pytest.approx(1.0)
-
-
-def test_a_restarted_physics_begins_anew() -> None:
-    monitor = RunMonitor()
-    monitor.update(Health("physics", 1, 4000, {}), 10.0)
-    monitor.update(Health("physics", 2, 0, {}), 12.0)
-    monitor.update(Health("physics", 2, 400, {}), 13.0)
-    assert monitor.real_time_factor == pytest.approx(1.0)
+    for process, pid, tick, seconds in heard:
+        monitor.update(Health(process, pid, tick, {}), seconds)
+    assert monitor.real_time_factor == (factor if factor is None else pytest.approx(factor))
+    assert monitor.sim_seconds == pytest.approx(sim_seconds)
 
 
 def test_faults_name_topic_and_rates() -> None:

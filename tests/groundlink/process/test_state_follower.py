@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who is waited for has every state, whatever the bus loses; the bus is stood in for."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, cast
 
@@ -45,8 +45,9 @@ class Taker:
 class Physics:
     """Serves what it has told, and knows what it was told."""
 
-    def __init__(self, told: Sequence[State], acknowledged: int) -> None:
-        self.told, self.acknowledged = told, acknowledged
+    def __init__(self, ticks: int, acknowledged: int, arriving: Iterable[int] = ()) -> None:
+        self.told, self.acknowledged = [state(tick) for tick in range(ticks)], acknowledged
+        self.arriving = [state(tick) for tick in arriving]
         self.asked = 0
 
     def query(self, key: str, name: str, *, seconds: float) -> dict[str, bytes]:
@@ -61,8 +62,6 @@ class Physics:
         assert key == STATE.key_in("run")
         for one in self.arriving:
             inbox.put(key, encode(one), message)
-
-    arriving: Sequence[State] = ()
 
     def publisher(self, key: str, delivery: object) -> Callable[[object], None]:
         return lambda message: None
@@ -90,8 +89,7 @@ def until(condition: Callable[[], bool], most: int = 30) -> Callable[[], bool]:
 
 @pytest.mark.parametrize("waited_for", [True, False])
 def test_states_that_got_lost_in_between(waited_for: bool) -> None:
-    physics, taker = Physics([state(tick) for tick in range(8)], acknowledged=0), Taker()
-    physics.arriving = [state(tick) for tick in (0, 1, 5, 6, 7)]
+    physics, taker = Physics(8, 0, (0, 1, 5, 6, 7)), Taker()
     follow(physics, taker, until(lambda: taker.tick == 7), waited_for=waited_for)
     if waited_for:
         assert taker.taken == [0, 1, *range(1, 8)], "from the last acknowledgement on, and all"
@@ -100,30 +98,27 @@ def test_states_that_got_lost_in_between(waited_for: bool) -> None:
 
 
 def test_the_last_states_got_lost_and_no_other_will_come() -> None:
-    physics, taker = Physics([state(tick) for tick in range(8)], acknowledged=0), Taker()
-    physics.arriving = [state(0), state(1)]
+    physics, taker = Physics(8, 0, (0, 1)), Taker()
     follow(physics, taker, until(lambda: taker.tick == 7), waited_for=True)
     assert taker.taken[-7:] == [*range(1, 8)]
 
 
 def test_an_acknowledgement_got_lost() -> None:
-    physics, taker = Physics([state(tick) for tick in range(6)], acknowledged=0), Taker()
-    physics.arriving = [state(tick) for tick in range(6)]
+    physics, taker = Physics(6, 0, range(6)), Taker()
     follow(physics, taker, until(lambda: taker.resumed > 0), waited_for=True)
     assert taker.resumed == 1
     assert taker.acknowledged_tick == 4
 
 
 def test_the_first_state_of_an_episode_got_lost() -> None:
-    physics, taker = Physics([state(0)], acknowledged=-1), Taker()
+    physics, taker = Physics(1, -1), Taker()
     taker.tick = taker.acknowledged_tick = 300  # of another one
     follow(physics, taker, until(lambda: taker.taken[-1:] == [0]), waited_for=True)
     assert taker.taken[-1] == 0
 
 
 def test_a_follower_with_all_states_of_a_paused_run_is_not_restarted() -> None:
-    physics, taker = Physics([state(tick) for tick in range(6)], acknowledged=4), Taker()
-    physics.arriving = [state(tick) for tick in range(6)]
+    physics, taker = Physics(6, 4, range(6)), Taker()
     follow(physics, taker, until(lambda: physics.asked > 2), waited_for=True)
     assert physics.asked > 2
     assert taker.resumed == 0

@@ -9,7 +9,13 @@ import pytest
 from groundlink.core.clock import NANOS
 from groundlink.messages.base import Imu
 from groundlink.messages.navigation import Transform, Transforms
-from groundlink.recording.comparison import WAIT_NANOS, ComparedSpan, Comparison, TopicComparison
+from groundlink.recording.comparison import (
+    WAIT_NANOS,
+    ComparedSpan,
+    Comparison,
+    FirstDifference,
+    TopicComparison,
+)
 from groundlink.recording.reader import RecordedMessage
 from groundlink.ros.cdr import to_cdr
 
@@ -62,27 +68,25 @@ def test_the_first_difference_has_its_time_number_and_field() -> None:
         again[i] = recorded[i]._replace(cdr=bytes(imu(i * STEP, 0.5)))
     v = compare(recorded, again)["/imu"]
     assert (v.equal, v.different, v.missing, v.new) == (98, 2, 0, 0)
-    assert v.first is not None
-    assert (v.first.nanos, v.first.number) == (40 * STEP, 41)
-    assert v.first.words == "linear_acceleration.x: 0.0 recorded, 0.5 repeated"
+    assert v.first == FirstDifference(
+        40 * STEP, 41, "linear_acceleration.x: 0.0 recorded, 0.5 repeated"
+    )
 
 
 def test_what_is_missing_does_not_shift_the_rest() -> None:
     recorded = samples(100)
     v = compare(recorded, recorded[:30] + recorded[33:])["/imu"]
     assert (v.equal, v.different, v.missing, v.new) == (97, 0, 3, 0)
-    assert v.first is not None
-    assert (v.first.nanos, v.first.number) == (30 * STEP, 31)
-    assert v.first.words == "recorded, but missing in the repeated run"
+    assert v.first == FirstDifference(30 * STEP, 31, "recorded, but missing in the repeated run")
 
 
 def test_what_is_new_does_not_shift_the_rest() -> None:
     again = samples(100)
     v = compare(again[:30] + again[33:], again)["/imu"]
     assert (v.recorded, v.equal, v.different, v.missing, v.new) == (97, 97, 0, 0, 3)
-    assert v.first is not None
-    assert (v.first.nanos, v.first.number) == (30 * STEP, 31)
-    assert v.first.words == "not recorded, but published in the repeated run"
+    assert v.first == FirstDifference(
+        30 * STEP, 31, "not recorded, but published in the repeated run"
+    )
 
 
 def test_what_was_left_out_for_a_cause_is_no_difference() -> None:
