@@ -20,14 +20,9 @@ from groundlink.world import terrain
 from groundlink.world.actors import CrateForm, DoorForm, Form, PartsForm, PersonForm
 from groundlink.world.bounds import Bounds, bounds
 from groundlink.world.objects.clutter import NoFreePlace, place_clutter
-from groundlink.world.objects.indoor_objects import (
-    LocalFrame,
-    SupportSurface,
-    build_furniture,
-    build_room,
-    door_frame,
-)
+from groundlink.world.objects.indoor_objects import build_furniture, build_room, door_frame
 from groundlink.world.objects.indoor_specs import Room
+from groundlink.world.objects.local_frame import LocalFrame, SupportSurface
 from groundlink.world.objects.outdoor_objects import build_outdoor_object
 from groundlink.world.solids import Box, Solid
 

@@ -9,8 +9,8 @@ import numpy as np
 from groundlink.world.bounds import Bounds, bounds, overlap
 from groundlink.world.solids import Box, Cylinder, Solid
 
-from .indoor_objects import LocalFrame, SupportSurface
 from .indoor_specs import Clutter
+from .local_frame import LocalFrame, SupportSurface
 
 TRIES = 400
 """Tries for one object before the room counts as full."""

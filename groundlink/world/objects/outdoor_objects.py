@@ -14,7 +14,7 @@ from typing import Any
 from groundlink.core.fields import Vector3
 from groundlink.world.solids import Solid
 
-from .indoor_objects import LocalFrame, cos_sin
+from .local_frame import LocalFrame, cos_sin
 from .outdoor_specs import (
     POST_M,
     Bale,
