@@ -24,7 +24,7 @@ def test_a_table_has_a_line_for_each_program_and_case() -> None:
     ]
 
 
-def test_who_has_lost_the_way_is_said_to() -> None:
+def test_lost_trajectory_is_marked() -> None:
     *_, line = table("indoor", [replace(ONE, ate_m=math.inf)]).splitlines()
     assert line.startswith("| slam | lost | lost | 2.00 cm |")
 

@@ -35,7 +35,7 @@ def changed_sources(tmp_path: Path) -> Path:
     return folder
 
 
-def test_what_is_up_to_date_is_left_alone() -> None:
+def test_up_to_date_build_is_unchanged() -> None:
     done = build(ROS_FOLDER, CC="no-such-compiler", CMAKE="no-such-cmake")
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
@@ -54,7 +54,7 @@ def test_missing_tools_are_all_named_in_one_line(changed_sources: Path) -> None:
     )
 
 
-def test_a_python_without_ros_is_told_so(changed_sources: Path) -> None:
+def test_python_without_ros_gives_one_line(changed_sources: Path) -> None:
     script = changed_sources / "ros2" / "build_messages.py"
     done = subprocess.run(
         [sys.executable, "-S", "-I", str(script)],
@@ -68,7 +68,7 @@ def test_a_python_without_ros_is_told_so(changed_sources: Path) -> None:
     assert done.stderr.count("\n") == 1
 
 
-def test_a_folder_that_is_no_package_is_told_so(tmp_path: Path) -> None:
+def test_folder_without_package_gives_one_line(tmp_path: Path) -> None:
     done = build(ROS_FOLDER, str(tmp_path))
     assert done.returncode == 2
     assert done.stderr == (
@@ -77,7 +77,7 @@ def test_a_folder_that_is_no_package_is_told_so(tmp_path: Path) -> None:
     )
 
 
-def test_what_another_package_needs_is_named(tmp_path: Path) -> None:
+def test_required_package_is_named(tmp_path: Path) -> None:
     (tmp_path / "srv").mkdir()
     (tmp_path / "srv" / "Ask.srv").touch()
     package = (

@@ -151,7 +151,7 @@ def test_joints_turn_as_ros_says_and_joint_states_say_so(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("module", ["udp_bridge_ros2", "services.gateway"])
-def test_who_is_started_again_takes_part_again(tmp_path: Path, module: str) -> None:
+def test_restarted_process_participates_again(tmp_path: Path, module: str) -> None:
     with driving(tmp_path / "run", way="odom") as (it, seen):
         wait_for(lambda: seen.has_come_to(200), 60, f"tick 200: {it.log('up.log')}")
         killed = process_of(it, module)

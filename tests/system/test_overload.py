@@ -135,7 +135,7 @@ def test_slow_lets_time_stretch_and_no_reading_out(tmp_path: Path) -> None:
     assert report["stalls"]["silent_seconds"] == {}
 
 
-def test_slow_names_who_is_silent_and_goes_on_without_it_until_it_is_back(tmp_path: Path) -> None:
+def test_slow_names_a_silent_sensor_and_continues_without_it(tmp_path: Path) -> None:
     with run(tmp_path, "overload: slow, deadline_s: 1.5") as (it, begun):
         begun.stop_lidar(lambda: f"continuing without {LIDAR}" in it.log("up.log"))
         assert f"has waited 1.5 s for {LIDAR}" in it.log("up.log")

@@ -159,7 +159,7 @@ def test_plain_services_over_a_link_that_loses(tmp_path: Path) -> None:
         assert len(episodes) == 11, "each reset was done once"
 
 
-def test_who_is_silent_is_named(tmp_path: Path) -> None:
+def test_silent_process_is_named(tmp_path: Path) -> None:
     with running(tmp_path) as (it, caller):
         assert caller.trigger("resume")[0]
         physics, gateway, *_ = it.started

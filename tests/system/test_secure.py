@@ -174,7 +174,7 @@ def of_another_sensor(running: Running) -> Path:
         (of_another_sensor, "expected `rover/imu`, got `rover/lidar`"),
     ],
 )
-def test_a_sensor_that_is_not_let_in_says_so_in_one_line(
+def test_denied_sensor_gives_one_line(
     running: Running, credentials: Callable[[Running], Path] | None, said: str
 ) -> None:
     own = credentials(running) if credentials else ""
@@ -192,7 +192,7 @@ def test_a_sensor_that_is_not_let_in_says_so_in_one_line(
         ("physics", f"services.physics {TOUR} --run {RUN}"),
     ],
 )
-def test_who_comes_twice_says_who_is_there_and_ends(
+def test_duplicate_process_names_the_other_and_ends(
     running: Running, process: str, words: str
 ) -> None:
     done = running.secured.say(*words.split(), own=running.secured.of(process))
@@ -214,7 +214,7 @@ OWN: dict[str, set[str]] = {
 
 
 @pytest.mark.parametrize("holder", OWN)
-def test_a_certificate_lets_say_its_own_alone(running: Running, operator: Bus, holder: str) -> None:
+def test_certificate_permits_own_topics_only(running: Running, operator: Bus, holder: str) -> None:
     processes = ["physics", "rover/lidar", *OWN]
     sensors = ("imu", "lidar")
     tried = {
@@ -241,7 +241,7 @@ QUERIES = {
 } | {faults_key: faults_key(ELSEWHERE, "rover/lidar")}
 
 
-def test_a_sensor_answers_only_what_is_asked_of_it(running: Running, operator: Bus) -> None:
+def test_sensor_answers_only_its_own_queries(running: Running, operator: Bus) -> None:
     own = faults_key(ELSEWHERE, "rover/imu")
     with running.secured.session("rover/imu") as intruder:
 
@@ -267,7 +267,7 @@ def test_a_sensor_may_send_no_queries(running: Running) -> None:
             assert not [r for r in intruder.get(f"{key}/**", timeout=0.5) if r.ok], key
 
 
-def test_nobody_is_there_in_anothers_name(running: Running, operator: Bus) -> None:
+def test_liveliness_under_another_name_is_denied(running: Running, operator: Bus) -> None:
     with running.secured.session("rover/imu") as intruder:
         tokens = [
             intruder.liveliness().declare_token(HEALTH.key_in(ELSEWHERE, process=process))
@@ -280,7 +280,7 @@ def test_nobody_is_there_in_anothers_name(running: Running, operator: Bus) -> No
 
 
 @pytest.mark.parametrize(("secret", "why"), [(None, "unsealed"), (bytes(32), "bad_tag")])
-def test_datagrams_without_the_key_are_dropped_counted_and_told_once(
+def test_datagrams_without_key_are_dropped_and_reported_once(
     running: Running, health: Callable[[str], Health], secret: bytes | None, why: str
 ) -> None:
     before = health("gateway").counters.get(f"wire_refused_{why}", 0)

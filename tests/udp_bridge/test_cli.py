@@ -62,7 +62,7 @@ def listener(request: pytest.FixtureRequest) -> Iterator[Listener]:
     running.process.communicate(timeout=TIMEOUT_S)
 
 
-def test_decode_gives_what_the_vector_means() -> None:
+def test_decode_prints_the_vectors_fields() -> None:
     """Once as a process; `test_vectors.py` decodes all vectors with the same function."""
     done = run("decode", FOLDER / "parts-disagree.bin", "--json")
     assert (done.returncode, done.stderr) == (0, "")
@@ -114,7 +114,7 @@ def test_decode_into_a_pipe_that_closes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("datagram", ["mtu", "loopback", "9000"])
-def test_what_send_sends_listen_shows(listener: Listener, tmp_path: Path, datagram: str) -> None:
+def test_listen_shows_sent_message(listener: Listener, tmp_path: Path, datagram: str) -> None:
     body = os.urandom(100_000)
     file = tmp_path / "cloud.cdr"
     file.write_bytes(body)
@@ -177,7 +177,7 @@ def test_listen_ends_by_itself() -> None:
 
 
 @pytest.mark.parametrize("listener", [["--quiet", "--report", "--json"]], indirect=True)
-def test_a_quiet_listener_prints_the_counters_alone(listener: Listener) -> None:
+def test_quiet_listener_prints_counters_only(listener: Listener) -> None:
     reports: list[object] = []
     with Link(
         ("127.0.0.1", 0), listener.address, on_message=lambda *got: reports.append(got)
@@ -194,9 +194,7 @@ def test_a_quiet_listener_prints_the_counters_alone(listener: Listener) -> None:
 @pytest.mark.parametrize(
     ("listener", "is_reported"), [(["--report"], True), ([], False)], indirect=["listener"]
 )
-def test_listen_always_gives_credit_and_reports_when_told(
-    listener: Listener, is_reported: bool
-) -> None:
+def test_listen_gives_credit_and_reports_on_request(listener: Listener, is_reported: bool) -> None:
     reports: list[object] = []
     with Link(
         ("127.0.0.1", 0), listener.address, on_message=lambda *got: reports.append(got)
@@ -210,7 +208,7 @@ def test_listen_always_gives_credit_and_reports_when_told(
     assert bool(reports) == is_reported
 
 
-def test_send_to_a_port_where_nobody_listens(tmp_path: Path) -> None:
+def test_send_to_a_closed_port(tmp_path: Path) -> None:
     file = tmp_path / "twist.cdr"
     file.write_bytes(bytes(52))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as reserved:
@@ -247,7 +245,7 @@ SEND = ("send", "--to", "127.0.0.1:9", "--type", "9", "--body")
         ((*SEND, os.devnull, "--to", "nowhere.invalid:9"), "no IPv4 address for nowhere.invalid:9"),
     ],
 )
-def test_mistakes_are_told_in_one_line(arguments: tuple[str, ...], text: str) -> None:
+def test_mistakes_give_one_line(arguments: tuple[str, ...], text: str) -> None:
     done = run(*arguments)
     assert done.returncode == 2
     assert done.stdout == ""
@@ -256,7 +254,7 @@ def test_mistakes_are_told_in_one_line(arguments: tuple[str, ...], text: str) ->
     assert done.stderr.startswith("udp-bridge")
 
 
-def test_a_port_in_use_is_told_in_one_line(listener: Listener) -> None:
+def test_port_in_use_gives_one_line(listener: Listener) -> None:
     done = run("listen", "--bind", f"127.0.0.1:{listener.address[1]}")
     assert done.returncode == 2
     assert done.stderr == (
@@ -264,7 +262,7 @@ def test_a_port_in_use_is_told_in_one_line(listener: Listener) -> None:
     )
 
 
-def test_a_body_that_fits_at_no_size_is_told_in_one_line(tmp_path: Path) -> None:
+def test_oversized_body_gives_one_line(tmp_path: Path) -> None:
     file = tmp_path / "huge.cdr"
     with open(file, "wb") as huge:
         huge.truncate(17_000_000)

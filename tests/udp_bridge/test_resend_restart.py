@@ -112,14 +112,14 @@ def test_the_first_part_shows_it(topic: Topic) -> None:
     assert topic.reassembler.counters.incomplete == 0
 
 
-def test_the_first_offer_shows_it_and_what_it_names_is_asked_for(topic: Topic) -> None:
+def test_first_offer_reveals_a_restart_and_its_messages_are_requested(topic: Topic) -> None:
     topic.offer(0, NOW, NOW)
     assert topic.asked() == [(0, (), 1)]
     assert len(topic.parts(0, NOW, NOW)) == 1
     assert topic.numbers == (0, 1)
 
 
-def test_lost_beginnings_are_asked_for(topic: Topic) -> None:
+def test_lost_first_messages_are_requested(topic: Topic) -> None:
     assert topic.parts(2, NOW, NOW)
     topic.offer(2, NOW, NOW + MS)
     assert topic.asked() == [(0, (), 2)]
@@ -127,7 +127,7 @@ def test_lost_beginnings_are_asked_for(topic: Topic) -> None:
     assert topic.numbers == (1, 2)
 
 
-def test_what_came_before_shows_nothing(topic: Topic) -> None:
+def test_earlier_messages_reveal_no_restart(topic: Topic) -> None:
     topic.offer(4, 400 * MS, NOW)
     topic.offer(3, 300 * MS, NOW)
     assert topic.parts(4, 400 * MS, NOW) == []
@@ -136,7 +136,7 @@ def test_what_came_before_shows_nothing(topic: Topic) -> None:
 
 
 @pytest.mark.parametrize("stamp", [550 * MS, 650 * MS])  # topics such as /tf mix their stamps
-def test_what_was_missed_shows_nothing(topic: Topic, stamp: int) -> None:
+def test_missed_messages_reveal_no_restart(topic: Topic, stamp: int) -> None:
     topic.parts(6, 600 * MS, 600 * MS)
     topic.parts(5, stamp, 620 * MS)
     assert topic.numbers == (0, 7)

@@ -51,7 +51,7 @@ BEGUN = [State.NO_IMAGES_YET, State.NOT_INITIALIZED, State.OK, State.OK]
     ],
     ids=["found again", "lost for good"],
 )
-def test_a_map_that_is_begun_anew_is_told(
+def test_new_map_is_reported(
     driver: Any,
     monkeypatch: pytest.MonkeyPatch,
     more: list[State],

@@ -56,7 +56,7 @@ def test_a_change_during_a_run_holds_until_an_event_names_its_field() -> None:
         ({"rate_mbps": float("inf")}, ["`rate_mbps`"]),
     ],
 )
-def test_mistakes_are_told_in_one_line(changes: dict[str, Any], words: list[str]) -> None:
+def test_mistakes_give_one_line(changes: dict[str, Any], words: list[str]) -> None:
     with pytest.raises(ValueError, match=r"^[^\n]+$") as refused:
         changed(Impairment(), changes)
     for word in words:

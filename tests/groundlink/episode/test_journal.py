@@ -61,7 +61,7 @@ SAVED = Journal(
 )
 
 
-def test_what_is_read_is_what_was_saved() -> None:
+def test_saved_journal_is_read_back() -> None:
     found = loaded(dumped(SAVED), "file")
     assert found == SAVED
     assert tuple(found.read()) == ENTRIES
@@ -73,7 +73,7 @@ def test_any_number_of_entries_is_kept_in_order(count: int) -> None:
     assert loaded(dumped(replace(SAVED, entries=entries)), "file").entries == entries
 
 
-def test_it_travels_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_journal_is_sent_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "PART_BYTES", 100)
     content = dumped(SAVED)
     assert b"".join(parts(content)) == content
@@ -121,7 +121,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_is_no_saved_run_is_told_in_one_line(name: str) -> None:
+def test_other_files_give_one_line(name: str) -> None:
     content, told = WRONG[name]
     with pytest.raises(JournalError) as caught:
         loaded(content, "file")
@@ -129,7 +129,7 @@ def test_what_is_no_saved_run_is_told_in_one_line(name: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+def test_file_is_written_atomically(tmp_path: Path) -> None:
     file = tmp_path / "a.run"
     write(file, GOOD)
     write(file, GOOD + b"more")
@@ -138,7 +138,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     assert is_saved_run(file)
 
 
-def test_a_file_that_cannot_be_used_is_told(tmp_path: Path) -> None:
+def test_unusable_file_gives_one_line(tmp_path: Path) -> None:
     nowhere = tmp_path / "none" / "a.run"
     with pytest.raises(UserError, match=r"cannot write .*: no such file or directory"):
         write(nowhere, GOOD)
@@ -151,7 +151,7 @@ def test_a_file_that_cannot_be_used_is_told(tmp_path: Path) -> None:
     assert not is_saved_run(tmp_path)
 
 
-def test_a_machine_says_what_it_has_otherwise() -> None:
+def test_platform_differences_are_listed() -> None:
     here, there = Platform("one", {"a": "1", "b": "2"}), Platform("two", {"a": "1", "b": "3"})
     assert here.differences(here) == ""
     assert here.differences(there) == "one, b 2"
@@ -164,13 +164,13 @@ def test_a_state_has_one_digest_in_every_episode() -> None:
     assert state_digest(state) != state_digest(replace(state, tick=4))
 
 
-def test_who_was_taken_out_is_there_no_more() -> None:
+def test_removed_vehicle_is_absent() -> None:
     assert SAVED.remaining_scenario() == SCENARIO
     gone = encode_entry(WorldChanged(12, Remove("rover")))
     assert replace(SAVED, entries=(gone,)).remaining_scenario().vehicles == ()
 
 
-def test_what_acts_before_a_tick_does_not_depend_on_when_it_came() -> None:
+def test_effective_commands_do_not_depend_on_arrival() -> None:
     def commanded(came: int, acts: int, vehicle: str = "rover") -> bytes:
         command = Command(acts * 2_500_000, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         return encode_entry(Commanded(came, vehicle, command))

@@ -41,14 +41,14 @@ def test_a_process_has_its_place_and_its_rate(run: Overview) -> None:
     assert imu["heard_seconds_ago"] == pytest.approx(0.4)
 
 
-def test_the_real_time_factor_is_that_of_the_last_words(run: Overview) -> None:
+def test_real_time_factor_is_of_the_latest_health(run: Overview) -> None:
     assert run.snapshot(4.5)["real_time_factor"] == pytest.approx(0.5)
     for second in range(5, 20):
         run.update(health("physics", 800 + 400 * (second - 4)), float(second))
     assert run.snapshot(20.0)["real_time_factor"] == pytest.approx(1.0)
 
 
-def test_who_never_came_is_missing_and_who_left_is_gone(run: Overview) -> None:
+def test_absent_process_is_missing_and_departed_one_gone(run: Overview) -> None:
     assert row(run, "gateway")["state"] == "missing"
     run.presence_changed("rover/imu", False)
     assert row(run, "rover/imu")["state"] == "gone"
@@ -68,13 +68,13 @@ def test_in_a_replay_only_its_own_processes_can_be_missing() -> None:
     assert states["physics"] == states["rover/driver"] == "missing"
 
 
-def test_who_is_there_and_says_nothing_is_silent(run: Overview) -> None:
+def test_process_without_health_is_silent(run: Overview) -> None:
     assert row(run, "physics", 4.0 + 1.1 * SILENT_SECONDS)["state"] == "silent"
     run.presence_changed("viewer", True)
     assert row(run, "viewer")["state"] == "there"
 
 
-def test_a_restart_is_counted_and_its_rate_begins_anew(run: Overview) -> None:
+def test_restart_is_counted_and_resets_its_rate(run: Overview) -> None:
     run.update(health("rover/imu", 1000, 10, pid=2), 5.0)
     imu = row(run, "rover/imu", 5.0)
     assert (imu["restarts"], imu["measured_hz"]) == (1, None)
@@ -107,7 +107,7 @@ def test_once_is_when_everybody_spoke_twice(run: Overview) -> None:
     assert not Overview("lab", {"physics": None}).has_rates
 
 
-def test_who_holds_up_the_run_is_told(run: Overview) -> None:
+def test_stalled_process_is_named(run: Overview) -> None:
     assert run.snapshot(0.0)["stalls"]["stretched_seconds"] == {}
     told = Stalls(("rover/imu",), {"rover/imu": 6.0}, {"rover/imu": 5.0}, 0.4)
     run.update(Health("physics", 1, 400, told.counters()), 1.0)

@@ -83,7 +83,7 @@ UNKNOWN = StreamReport("/t", "Imu", 10.0, None, None, 0, 0, sent=7, in_flight=7,
 BACK = StreamReport("/cmd_vel", "Twist", None, 20.0, 0.001, 7, 0, direction="from ROS", sent=7)
 
 
-def test_what_was_not_reported_is_not_held_against_a_run_that_needs_no_reports() -> None:
+def test_missing_reports_do_not_fail_runs_without_reports() -> None:
     monitor = RunMonitor()
     monitor.update(Health("gateway", 1, 0, {}, (UNKNOWN, BACK)), 1.0)
     assert not monitor.is_reported
@@ -98,7 +98,7 @@ def test_what_was_not_reported_is_not_held_against_a_run_that_needs_no_reports()
     assert monitor.faults(needs_reports=False) == lines
 
 
-def test_what_an_earlier_gateway_was_told_stays_reported() -> None:
+def test_reports_to_an_earlier_gateway_are_kept() -> None:
     monitor = RunMonitor()
     for pid, row in ((1, replace(UNKNOWN, reported=True)), (2, UNKNOWN)):
         monitor.update(Health("gateway", pid, 0, {}, (row,)), 1.0)
@@ -106,7 +106,7 @@ def test_what_an_earlier_gateway_was_told_stays_reported() -> None:
     assert [row.sent for row in monitor.streams] == [14]
 
 
-def test_sensors_that_share_a_process_are_told_apart() -> None:
+def test_sensors_of_one_process_are_separate() -> None:
     monitor = RunMonitor()
     for name, pid in (("physics", 1), ("rover/imu", 7), ("rover/lidar", 7)):
         monitor.update(Health(name, pid, 400, {"readings": len(name)}), 0.0)
@@ -154,7 +154,7 @@ def test_counters_that_restart_in_the_same_process_begin_an_episode() -> None:
 
 @pytest.mark.parametrize("before", [False, True])
 @pytest.mark.parametrize("now", [False, True])
-def test_what_one_episode_was_told_of_is_reported(before: bool, now: bool) -> None:
+def test_messages_reported_in_one_episode_stay_reported(before: bool, now: bool) -> None:
     episodes = (replace(report(100), reported=told) for told in (before, now))
     assert heard(*enumerate(episodes)).reported is (before or now)
 

@@ -108,7 +108,7 @@ LAST = EPOCH + 9_900_000_000
     ],
     ids=["whole", "ended early", "without a journal", "journal cut off"],
 )
-def test_what_is_compared(
+def test_compared_span(
     lab: Scenario,
     tmp_path: Path,
     end_s: float | None,
@@ -148,7 +148,7 @@ def faults(seconds: float, *active: Fault) -> tuple[str, Faults]:
     return faults_topic(IMU), Faults(nanos, IMU, round(seconds * 400), active)
 
 
-def test_what_cannot_come_again_has_its_reason(lab: Scenario, tmp_path: Path) -> None:
+def test_topics_not_compared_have_a_reason(lab: Scenario, tmp_path: Path) -> None:
     command = ("/cmd_vel", Command(EPOCH, STILL, STILL))
     gaps = (missing_readings_topic(IMU), MissingReadings(EPOCH, IMU, ()))
     rows: list[tuple[str, BusMessage]] = [imu(1.0), command, gaps, faults(2.0, Stuck(at_s=2.0))]
@@ -197,7 +197,7 @@ LIVE: dict[str, tuple[tuple[Fault, ...], Rows, tuple[Fault, ...] | None, str | N
 
 
 @pytest.mark.parametrize(("given", "told", "expected", "reason"), LIVE.values(), ids=LIVE)
-def test_faults_that_were_changed_by_hand_become_the_scenarios(
+def test_live_faults_become_the_scenarios(
     lab: Scenario,
     tmp_path: Path,
     given: tuple[Fault, ...],
@@ -282,7 +282,7 @@ def gap(cause: Cause, first_s: float, last_s: float, *outputs: str) -> MissingSp
     return MissingSpan(cause, first, last, 1, outputs or ("",))
 
 
-def test_what_was_left_out_is_known_with_its_cause(lab: Scenario, tmp_path: Path) -> None:
+def test_missing_readings_are_read_with_their_cause(lab: Scenario, tmp_path: Path) -> None:
     told = [
         MissingReadings(
             EPOCH + NANOS, "rover/camera", (gap("not there", 0.0, 0.5, "", "camera_info"),)
@@ -313,7 +313,7 @@ def test_what_was_left_out_is_known_with_its_cause(lab: Scenario, tmp_path: Path
         (0.01, "drop", set()),
     ],
 )
-def test_what_adds_up_from_states_that_it_did_not_see_may_differ(
+def test_accumulating_topics_after_gaps_may_differ(
     tmp_path: Path, missed_ticks: float, cause: Cause, expected: set[str]
 ) -> None:
     tour = load(str(SHIPPED / "indoor_2d.yaml"))
@@ -335,7 +335,7 @@ def test_what_adds_up_from_states_that_it_did_not_see_may_differ(
 
 
 @pytest.mark.parametrize(("mode", "expected"), [("realtime", {"/odom"}), ("fast", set())])
-def test_what_was_missed_before_a_recorder_joined_is_not_known(
+def test_accumulating_topics_of_a_late_recording_may_differ(
     tmp_path: Path, mode: Literal["realtime", "fast"], expected: set[str]
 ) -> None:
     tour = load(str(SHIPPED / "indoor_2d.yaml"))
@@ -344,16 +344,14 @@ def test_what_was_missed_before_a_recorder_joined_is_not_known(
         assert missing.accumulating_topics(recording).keys() == expected
 
 
-def test_a_recording_that_begins_late_says_from_when_it_is_compared(
-    tmp_path: Path, lab: Scenario
-) -> None:
+def test_late_recording_states_its_begin(tmp_path: Path, lab: Scenario) -> None:
     with record(tmp_path / "a.mcap", lab, [], begin_s=2.0) as recording:
         extent = ComparedSpan(EPOCH + 2 * NANOS, EPOCH + 9 * NANOS, EPOCH, EPOCH)
         said = list(verifying.caveats(recording, lab, extent))
     assert "the recording begins at 2.000 s: earlier messages are not compared" in said
 
 
-def test_only_what_bytes_may_depend_on_tells_scenarios_apart(lab: Scenario) -> None:
+def test_scenarios_differ_only_in_fields_that_change_bytes(lab: Scenario) -> None:
     paced = replace(lab, name="other", time=replace(lab.time, mode="fast", factor=3.0))
     assert verifying.scenario_difference(lab, paced) is None
     assert str(verifying.scenario_difference(lab, replace(lab, seed=2))) == (

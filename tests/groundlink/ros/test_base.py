@@ -83,7 +83,7 @@ def test_a_counter_that_was_reset_is_no_speed() -> None:
     assert not any(floats(joints(base, (0, 0), 5 + PERIOD).velocities))
 
 
-def test_all_joints_of_the_description_are_told() -> None:
+def test_all_joints_of_the_description_are_published() -> None:
     for name in SCENARIOS:
         for base in of(name)[1]:
             wheels = {wheel.name for wheel in base._vehicle.model.wheels}
@@ -117,7 +117,7 @@ def test_wheels_carry_the_base_through_odom() -> None:
     assert list(base.receive("groundlink/r/robot/ground_truth", late)) == []
 
 
-def test_where_a_filter_tells_it_nothing_is_told() -> None:
+def test_no_transform_where_a_filter_publishes_it() -> None:
     _, (base,) = of("indoor_paper", odom=False)
     assert "odometry" not in base.keys
 
@@ -184,7 +184,7 @@ def test_another_episode_knows_nothing_of_the_one_before() -> None:
     assert [row.parent for row in rows] == ["odom"]
 
 
-def test_who_has_no_odometry_stands_in_the_map_itself() -> None:
+def test_vehicle_without_odometry_is_placed_in_the_map() -> None:
     _, (base,) = of("outdoor_paper", map="truth")
     (moved,) = told(base, [("truth", odometry(5, 3.0, 0.2, frame="world"))])
     assert (moved.parent, moved.child, moved.translation_m[0]) == ("map", "base_link", 3.0)
@@ -225,7 +225,7 @@ def test_maps_of_several_vehicles_are_apart_where_each_begins_at_its_own() -> No
     assert children["second/odom"] == "second/map"
 
 
-def test_topics_are_nobody_elses() -> None:
+def test_topics_are_unique() -> None:
     for name in SCENARIOS:
         scenario, bases = of(name, map="truth")
         others = {stream.topic for stream in outgoing(scenario, RUN)}

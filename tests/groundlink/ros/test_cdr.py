@@ -62,7 +62,7 @@ def test_ros_itself_reads_and_writes_the_same(name: str) -> None:
     assert fields(again, message_type) == fields(body(name), message_type)
 
 
-def test_the_subscribe_vector_is_what_it_says() -> None:
+def test_subscribe_vector_matches_its_json() -> None:
     assert Subscribe.parse(body("subscribe")) == SUBSCRIBE
 
 
@@ -79,7 +79,7 @@ def test_every_type_of_the_wire_is_on_the_bus() -> None:
     assert requestable == of_ros - {"rosgraph_msgs/msg/Clock"}
 
 
-def test_what_is_relayed_is_what_came_if_it_is_of_its_type() -> None:
+def test_relayed_bytes_are_unchanged_if_the_type_matches() -> None:
     read = reader(Relayed, PATH)
     assert read(body("path"), 7) == Relayed(7, PATH, memoryview(body("path")))
     assert bytes(to_cdr(read(body("path"), 7))) == body("path")
@@ -89,7 +89,7 @@ def test_what_is_relayed_is_what_came_if_it_is_of_its_type() -> None:
 
 
 @pytest.mark.parametrize("name", INCOMING)
-def test_what_went_out_comes_back(name: str) -> None:
+def test_messages_round_trip(name: str) -> None:
     message = EXAMPLES[name].message
     assert READERS[ROS_CODECS[type(message)].ros_type](body(name), 1) == message
 
@@ -102,7 +102,7 @@ def test_what_went_out_comes_back(name: str) -> None:
     ],
     ids=["a stamp after 2038", "beyond float32"],
 )
-def test_what_no_ros_type_holds_is_refused(message: BusMessage) -> None:
+def test_values_outside_ros_types_are_refused(message: BusMessage) -> None:
     with pytest.raises(BadBusMessage, match=r"no .* holds this"):
         to_cdr(message)
 

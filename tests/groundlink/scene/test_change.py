@@ -35,7 +35,7 @@ def grown(scenario: Scenario, more: Addition) -> Scenario:
     return with_more(scenario, more, (), seconds=0.0)
 
 
-def test_a_word_that_means_nothing_gets_all_that_do() -> None:
+def test_unknown_word_lists_all_valid_ones() -> None:
     with pytest.raises(UserError, match="no world, vehicle or scenario `nosuch`") as caught:
         made("nosuch")
     for word in (*KINDS, "rover", "lab"):
@@ -45,7 +45,7 @@ def test_a_word_that_means_nothing_gets_all_that_do() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_added_is_behind_all_that_was_there(lab: Scenario, kind: str) -> None:
+def test_additions_come_last(lab: Scenario, kind: str) -> None:
     more = made(kind)
     changed = grown(lab, more)
     before, after = solids(lab), solids(changed)
@@ -58,7 +58,7 @@ def test_what_is_added_is_behind_all_that_was_there(lab: Scenario, kind: str) ->
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_was_added_can_be_taken_out(lab: Scenario, kind: str) -> None:
+def test_additions_can_be_removed(lab: Scenario, kind: str) -> None:
     more = made(kind)
     again = without(grown(lab, more), kind)
     assert solids(again) == solids(lab)
@@ -128,7 +128,7 @@ actors:
 """
 
 
-def test_a_file_brings_solids_and_actors(lab: Scenario, tmp_path: Path) -> None:
+def test_file_adds_solids_and_actors(lab: Scenario, tmp_path: Path) -> None:
     file = tmp_path / "things.yaml"
     file.write_text(WORLD)
     more = made(str(file), SpawnPlace(-3.0, 0.0, 0.0, 90.0))
@@ -165,7 +165,7 @@ def test_a_file_brings_solids_and_actors(lab: Scenario, tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_cannot_be_added_is_refused(lab: Scenario, more: Addition, problem: str) -> None:
+def test_invalid_additions_are_refused(lab: Scenario, more: Addition, problem: str) -> None:
     rover = lab.vehicles[0]
     moving = vehicle_bodies("rover", rover.model, (-4.6, 0.0, 0.165), (0.0, 0.0, 0.0, 1.0))
     with pytest.raises(UserError, match=problem):
@@ -181,6 +181,6 @@ def test_what_cannot_be_added_is_refused(lab: Scenario, more: Addition, problem:
         ("cluttr_3", "no vehicle or object `cluttr_3`; did you mean `clutter_3`"),
     ],
 )
-def test_what_cannot_be_taken_out_is_refused(lab: Scenario, name: str, problem: str) -> None:
+def test_invalid_removals_are_refused(lab: Scenario, name: str, problem: str) -> None:
     with pytest.raises(UserError, match=problem):
         without(lab, name)

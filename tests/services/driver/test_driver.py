@@ -57,7 +57,7 @@ def test_a_command_is_stamped_ahead_and_goes_before_its_acknowledgement() -> Non
     assert rover.commands()[0].linear_mps[0] == 0.5
 
 
-def test_at_the_end_it_stops_says_so_once_and_leaves_the_vehicle_to_others() -> None:
+def test_driver_stops_at_the_end_reports_once_and_releases_the_vehicle() -> None:
     rover = Rover()
     for tick in range(0, 80, 8):
         rover.driver.take(state(tick, 1.0 if tick < 40 else 2.1))

@@ -40,7 +40,7 @@ def forwarded(bench: Bench, *stamps: int) -> list[int]:
     return [sent["stamp"] for sent in bench.link.sent[before:]]
 
 
-def test_what_went_to_ros_before_does_not_go_again() -> None:
+def test_messages_sent_before_are_not_repeated() -> None:
     first, second = Bench(), Bench()
     assert forwarded(first, 1, 2, 3) == [1, 2, 3]
     first.gateway.counts["commands"] = 17
@@ -52,7 +52,7 @@ def test_what_went_to_ros_before_does_not_go_again() -> None:
     assert second.gateway.counts["commands"] == 17
 
 
-def test_who_has_no_predecessor_begins_anew() -> None:
+def test_gateway_without_predecessor_starts_over() -> None:
     for replies in ((), (encode(Ack(9, -1, -1)), b"a state")):
         bench = Bench()
         bus: Any = Archive(*replies)

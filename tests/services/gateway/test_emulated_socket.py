@@ -177,7 +177,7 @@ def test_with_a_key_bit_errors_meet_the_seal(stack: ExitStack, key_file: str) ->
     assert len(endpoints.at_ros) == 200 - flipped
 
 
-def test_what_strangers_send_takes_no_link(stack: ExitStack) -> None:
+def test_unknown_senders_get_no_link(stack: ExitStack) -> None:
     endpoints = Endpoints(stack, LinkScript())
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         stranger.bind(("127.0.0.2", 0))
@@ -220,7 +220,7 @@ def test_closing_waits_for_nothing_that_is_on_the_way(stack: ExitStack) -> None:
     assert time.monotonic() - began < 10
 
 
-def test_what_is_due_waits_for_no_timeout(
+def test_due_datagrams_do_not_wait_for_a_timeout(
     stack: ExitStack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("services.gateway.emulated_socket.WAIT_SECONDS", 3600.0)
@@ -230,7 +230,7 @@ def test_what_is_due_waits_for_no_timeout(
 
 
 @pytest.mark.parametrize("missing_bytes", [0, 4096])
-def test_a_receive_buffer_that_is_too_small_is_told_in_one_line(
+def test_small_receive_buffer_gives_one_line(
     missing_bytes: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def granted(bind: Any, *, receive_buffer: int, wait_s: float) -> UdpSocket:

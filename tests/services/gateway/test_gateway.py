@@ -117,7 +117,7 @@ def imu(stamp: int) -> Imu:
     return Imu(stamp, "imu_link", (0.0, 0.0, 0.6, 0.8), (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), 7, 8, 9)
 
 
-def test_what_the_bus_pushed_out_was_superseded(bench: Bench) -> None:
+def test_messages_replaced_on_the_bus_count_as_superseded(bench: Bench) -> None:
     bench.forward("rover/imu", imu(1))
     rows, _ = bench.report(imu=3)
     assert {row.topic: row.superseded for row in rows if row.superseded} == {"/imu": 3}
@@ -207,7 +207,7 @@ def test_a_twist_becomes_a_command_of_now(bench: Bench) -> None:
     assert bench.commands == [("groundlink/lab/rover/command", command)]
 
 
-def test_a_stamped_twist_is_subscribed_to_if_the_scenario_says_so() -> None:
+def test_scenario_selects_stamped_twist() -> None:
     scenario = load(SHIPPED / "indoor_lab.yaml")
     vehicle = replace(scenario.vehicles[0], command_type="TwistStamped")
     bench = Bench(replace(scenario, vehicles=(vehicle,)))
@@ -223,7 +223,7 @@ def test_a_stamped_twist_is_subscribed_to_if_the_scenario_says_so() -> None:
     assert not bench.commands
 
 
-def test_what_a_base_tells_goes_out_with_what_it_follows_from() -> None:
+def test_derived_messages_are_sent_with_their_source() -> None:
     bench = Bench(load(SHIPPED / "indoor_2d.yaml"))
     odometry = EXAMPLES["odometry"].message
     bench.forward("rover/odometry", odometry)
@@ -236,7 +236,7 @@ def test_what_a_base_tells_goes_out_with_what_it_follows_from() -> None:
     assert (declared["/tf"], declared["/joint_states"]) == (50.0, 50.0)
 
 
-def test_what_a_slam_stack_tells_is_on_the_bus(bench: Bench) -> None:
+def test_slam_outputs_are_published_on_the_bus(bench: Bench) -> None:
     bench.forward("clock", Clock(10**9, 0, 400, 0))
     for name, msg_type in (("pose", 10), ("map", 11)):
         sent = EXAMPLES[name].message
@@ -279,7 +279,7 @@ def test_poses_and_maps_are_subscribed_to_and_a_map_again_at_the_start(bench: Be
     assert subscribes == [[*again[:2], ("/map", (11, 0, 0)), again[2]], again]
 
 
-def test_ground_truth_goes_to_those_who_subscribe(bench: Bench) -> None:
+def test_ground_truth_goes_to_subscribers_only(bench: Bench) -> None:
     truth = EXAMPLES["odometry"].message
     bench.forward("rover/ground_truth", replace(truth, stamp_nanos=1))
     assert bench.link.sent == []
@@ -317,7 +317,7 @@ def test_a_stream_of_any_kind_is_carried() -> None:
         assert sent["body"] == bytes(to_cdr(example.message))
 
 
-def test_what_ros_cannot_hold_is_counted(bench: Bench) -> None:
+def test_messages_too_large_for_ros_are_counted(bench: Bench) -> None:
     bench.forward("rover/imu", imu(2**62))
     assert bench.link.sent == []
     assert bench.report()[1]["refused"] == 1
@@ -342,9 +342,7 @@ def test_what_ros_cannot_hold_is_counted(bench: Bench) -> None:
         (2, "/imu", b"a reading on its way in"),
     ],
 )
-def test_what_makes_no_sense_is_counted(
-    bench: Bench, msg_type: int, topic: str, body: bytes
-) -> None:
+def test_invalid_messages_are_counted(bench: Bench, msg_type: int, topic: str, body: bytes) -> None:
     bench.forward("clock", Clock(10**9, 0, 400, 0))
     bench.hear(msg_type, topic, body)
     assert bench.commands == []
@@ -362,7 +360,7 @@ def test_a_stranger_may_subscribe_but_not_report(bench: Bench) -> None:
     assert (counters["peer_kernel_drops"], counters["peer_refused_short"]) == (5, 4)
 
 
-def test_rows_are_of_the_peer_alone(bench: Bench) -> None:
+def test_stream_rows_count_the_peer_only(bench: Bench) -> None:
     came = TopicReport(9, 0, 0, 3, 2, 0, 0, 1, 0, 0, 0, 48, 0, 0, 0, 5_000_000, 6_000_000)
     told = came._replace(msg_type=2, numbers=99, published=99)
     bench.link.delivery_counts_of[PEER] = [
@@ -423,7 +421,7 @@ def test_only_the_peer_may_send_run_commands(bench: Bench) -> None:
     assert bench.gateway.counts["refused"] == 1
 
 
-def test_what_is_pushed_goes_to_ros_nodes_without_a_bridge_too(bench: Bench) -> None:
+def test_pushed_topics_reach_native_ros_nodes(bench: Bench) -> None:
     native: list[tuple[Any, int, bytes]] = []
 
     class Native:

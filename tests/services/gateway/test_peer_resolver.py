@@ -71,7 +71,7 @@ def test_another_address_is_taken_and_a_failed_look_up_changes_nothing(
 
 
 @pytest.mark.parametrize("hangs", [False, True], ids=["no such host", "no answer"])
-def test_a_peer_without_an_address_is_told_once_and_taken_when_it_has_one(
+def test_unresolved_peer_is_reported_once_and_used_when_resolved(
     hangs: bool, names: Names, stop: threading.Event, lines: list[str]
 ) -> None:
     names.host = None
@@ -95,7 +95,7 @@ def test_a_peer_without_an_address_is_told_once_and_taken_when_it_has_one(
     assert "`ros2:7511` has no address yet" in line
 
 
-def test_who_is_asked_to_end_waits_for_no_name(
+def test_ending_does_not_wait_for_name_resolution(
     names: Names, stop: threading.Event, lines: list[str]
 ) -> None:
     names.host = None
@@ -105,7 +105,7 @@ def test_who_is_asked_to_end_waits_for_no_name(
     never.close()
 
 
-def test_what_is_no_address_is_the_users_mistake(
+def test_invalid_address_is_a_user_error(
     names: Names, stop: threading.Event, lines: list[str]
 ) -> None:
     names.host, names.no_host = None, UserError("`ros2`: not an address")

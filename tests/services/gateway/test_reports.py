@@ -34,14 +34,14 @@ def test_declared_topics_have_a_row_before_anything_is_sent() -> None:
 NOTHING_TOLD = {"delivered": 0, "incomplete": 0, "late": 0, "dropped": 0, "repaired": 0}
 
 
-def test_what_a_receiver_never_reported_is_not_lost() -> None:
+def test_unreported_topic_is_not_lost() -> None:
     unknown = sent_counts()._replace(report=None, missing=400, in_flight=20, **NOTHING_TOLD)
     (row,) = reports().streams([unknown])
     assert (row.sent, row.measured_hz, row.age_seconds) == (420, None, None)
     assert (row.lost, row.missing, row.in_flight, row.reported) == (0, 0, 420, False)
 
 
-def test_what_a_receiver_does_not_report_while_it_reports_others_is_lost() -> None:
+def test_topic_missing_from_reports_is_lost() -> None:
     silent = sent_counts(2, "/imu")._replace(report=None, missing=400, in_flight=20, **NOTHING_TOLD)
     row, other = reports().streams([silent, sent_counts(1, "/points")])
     assert (row.lost, row.missing, row.in_flight, row.reported) == (400, 400, 20, True)
@@ -65,13 +65,13 @@ def test_the_sums_of_a_row_add_up() -> None:
     assert (row.superseded, row.repaired, row.delivered_bytes) == (1, 6, 7)
 
 
-def test_an_age_is_told_only_where_stamps_follow_the_wall() -> None:
+def test_age_is_reported_only_for_wall_clock_stamps() -> None:
     for follows, age, expected in [(False, 5, None), (True, NO_AGE, None), (True, 5, 5e-9)]:
         (row,) = reports(follows=follows).streams([sent_counts(age_p50_nanos=age)])
         assert row.age_seconds == expected
 
 
-def test_what_is_not_measured_has_no_age() -> None:
+def test_unmeasured_stream_has_no_age() -> None:
     (row,) = reports(declared=False).streams([sent_counts(35, "/tf_static")])
     assert (row.age_seconds, row.age_p99_seconds) == (None, None)
 
@@ -87,7 +87,7 @@ def test_one_message_has_no_rate() -> None:
     assert row.measured_hz is None
 
 
-def test_what_comes_from_ros_adds_up_and_has_an_age() -> None:
+def test_counts_and_age_of_messages_from_ros() -> None:
     counts = {"published": 90, "incomplete": 2, "late": 3, "dropped": 4, "pending": 1}
     report = sent_counts(9, "/cmd_vel", numbers=120, repaired=5, body_bytes=8, **counts).report
     assert report is not None
@@ -99,7 +99,7 @@ def test_what_comes_from_ros_adds_up_and_has_an_age() -> None:
     assert (row.repaired, row.delivered_bytes) == (5, 8)
 
 
-def test_what_the_peers_socket_lost() -> None:
+def test_losses_of_the_peers_socket() -> None:
     assert peer_counters(None) == {}
     assert peer_counters(LinkReport(1, 2, 3, 4, 5, (("short", 3), ("link", 1)))) == {
         "peer_refused": 4,

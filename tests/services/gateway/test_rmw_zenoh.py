@@ -98,7 +98,7 @@ def tokens(node: zenoh.Session, key: str) -> list[str]:
     return sorted(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
 
 
-def test_a_node_sees_hears_and_is_heard(router: str, node: zenoh.Session) -> None:
+def test_native_node_discovers_receives_and_is_received(router: str, node: zenoh.Session) -> None:
     imu = Reassembler().receive(load("imu").datagrams[0], "", 0)
     assert imu is not None
     cdr = memoryview(bytes(imu.body))

@@ -89,7 +89,7 @@ def test_a_copy_is_answered_and_not_done(bench: Bench) -> None:
     assert bench.told[0] == bench.told[1]
 
 
-def test_a_copy_of_what_is_under_way_is_passed_over_and_nobody_waits(bench: Bench) -> None:
+def test_repeated_command_is_ignored_without_waiting(bench: Bench) -> None:
     bench.answers.clear()
     for number in (5, 5, 6, 5):
         bench.commands.put(
@@ -111,7 +111,7 @@ def test_why_it_could_not_be_done(bench: Bench) -> None:
     assert answer.error.startswith("physics of run `lab` does not answer ä")
 
 
-def test_an_answer_goes_behind_what_waits_for_being_sent(bench: Bench) -> None:
+def test_reply_is_sent_after_queued_messages(bench: Bench) -> None:
     bench.backlog += [1, 2, 3]
     began = threading.Timer(0.1, bench.backlog.clear)
     began.start()
@@ -135,7 +135,7 @@ def test_so_many_wait_and_no_more(bench: Bench) -> None:
     assert [answer.number for answer in bench.told[:-1]] == list(range(COMMANDS_WAITING + 1))
 
 
-def test_what_is_kept_is_bounded(bench: Bench) -> None:
+def test_memory_is_bounded(bench: Bench) -> None:
     bench.answers.clear()
     for number in range(1000):
         bench.commands.put(RunCommand(number, run_commands.PAUSE))

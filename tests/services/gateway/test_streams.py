@@ -22,7 +22,7 @@ from udp_bridge.sender.repair import Fec, Mode, Resend
         (RepairBy(fec=0.25), Fec(0.25)),
     ],
 )
-def test_what_a_scenario_says_of_repair_reaches_the_link(said: Repair, mode: Mode | None) -> None:
+def test_repair_of_the_scenario_reaches_the_link(said: Repair, mode: Mode | None) -> None:
     scenario = load(SHIPPED / "indoor_lab.yaml")
     (vehicle,) = scenario.vehicles
     sensors = (replace(vehicle.sensors[0], repair=said), *vehicle.sensors[1:])
@@ -44,7 +44,7 @@ def test_blocks_of_one_revolution_may_wait_and_nothing_else(block_deg: float) ->
 
 
 @pytest.mark.parametrize("said", ["{fec: 0}", "{fec: 0.1, resend: 1}", "{}", "fec", "{rs: 1}"])
-def test_what_is_no_repair_is_a_mistake_of_the_user(tmp_path: Path, said: str) -> None:
+def test_invalid_repair_is_a_user_error(tmp_path: Path, said: str) -> None:
     text = (SHIPPED / "indoor_lab.yaml").read_text()
     assert "name: lidar," in text
     for folder in ("worlds", "vehicles", "sensors"):

@@ -65,7 +65,7 @@ def test_the_peers_push_cannot_be_unsubscribed_or_throttled(subscriptions: Subsc
     assert subscriptions.receivers(IMU, 1, 100.0) == [PEER]
 
 
-def test_what_there_is_not_is_refused(subscriptions: Subscribers) -> None:
+def test_unknown_topic_is_refused(subscriptions: Subscribers) -> None:
     assert not subscriptions.request(OTHER, "/nothing", Subscribe(2), 0.0)
     assert not subscriptions.request(OTHER, "/imu", Subscribe(1), 0.0)
 

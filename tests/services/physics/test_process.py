@@ -74,7 +74,7 @@ class PresentBus(SlowBus):
         on_change(key.replace("**", "recorder"), True)
 
 
-def test_who_is_there_already_is_not_waited_for() -> None:
+def test_present_process_is_not_awaited() -> None:
     bus: Any = PresentBus(Clocks())
     physics = process.PhysicsServer(
         RunSource(load(str(SCENARIO))), "run", bus, required=["recorder"]

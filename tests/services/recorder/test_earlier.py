@@ -80,7 +80,7 @@ def earlier(tmp_path: Path) -> Iterator[Recording]:
         yield recording
 
 
-def test_it_is_equal_to_the_same_run_again(earlier: Recording) -> None:
+def test_earlier_recording_equals_its_repeated_run(earlier: Recording) -> None:
     comparison = Comparison(compared_messages(earlier), compared_span(earlier), left_out(earlier))
     again = ReferenceComparison(earlier, comparison, expected=["/clock", "/imu"])
     keys = {stream.topic: stream.key for stream in outgoing(LAB, RUN)}
@@ -97,7 +97,7 @@ def test_it_is_equal_to_the_same_run_again(earlier: Recording) -> None:
     )
 
 
-def test_it_is_replayed_without_its_transforms(earlier: Recording) -> None:
+def test_earlier_recording_is_replayed_without_transforms(earlier: Recording) -> None:
     player = playback(earlier, RUN)
     due = list(player.play(EPOCH))
     assert player.refused == 0
@@ -112,7 +112,7 @@ def test_a_report_is_made_of_it(earlier: Recording) -> None:
     assert "/tf" in page(gathered)
 
 
-def test_it_becomes_a_bag(earlier: Recording, tmp_path: Path) -> None:
+def test_earlier_recording_converts_to_a_bag(earlier: Recording, tmp_path: Path) -> None:
     count = write_bag(tmp_path / "earlier.bag", earlier.types, earlier.read())
     assert count == earlier.messages == 1 + 5 * STEPS
 
@@ -127,7 +127,7 @@ def test_a_field_that_is_no_more_keeps_no_recording_from_being_read() -> None:
     assert found.scenario == LAB
 
 
-def test_what_is_wrong_otherwise_is_still_refused() -> None:
+def test_other_damage_is_still_refused() -> None:
     entries = run_entries(describe_run(LAB, RUN, EPOCH))
     scenario = json.loads(entries["scenario"])
     scenario["seed"] = "many"

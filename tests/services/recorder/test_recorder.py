@@ -137,7 +137,7 @@ def test_a_recording_begins_with_a_clock(rig: Rig) -> None:
         assert recording.types["/cmd_vel"] == "geometry_msgs/msg/Twist"  # nothing came, yet known
 
 
-def test_what_a_restarted_sensor_repeats_is_written_once(rig: Rig) -> None:
+def test_repeated_readings_of_a_restarted_sensor_are_written_once(rig: Rig) -> None:
     rig.clock(0)
     for tick in (0, 1, 2, 1, 2, 3):
         rig.imu(tick)
@@ -153,7 +153,7 @@ def test_readings_that_come_late_have_the_time_of_their_measurement(rig: Rig) ->
     assert [tick for tick, _ in rig.written()["/points"]] == [0, 40]
 
 
-def test_times_of_what_comes_from_ros(rig: Rig) -> None:
+def test_times_of_messages_from_ros(rig: Rig) -> None:
     """A command has the run's time in its stamp; a pose is written when it came."""
     rig.clock(0)
     rig.clock(40)
@@ -200,7 +200,7 @@ def test_nothing_is_logged_before_the_recording_begins(rig: Rig) -> None:
         assert recording.first_nanos == EPOCH + 40 * TICK_NANOS
 
 
-def test_what_is_relayed_stands_under_its_topic_as_its_type(lab: Scenario, tmp_path: Path) -> None:
+def test_relayed_message_keeps_topic_and_type(lab: Scenario, tmp_path: Path) -> None:
     (rover,) = lab.vehicles
     told = FromRos(topics={"/plan": "nav_msgs/Path"})
     rig = Rig(replace(lab, vehicles=(replace(rover, from_ros=told),)), tmp_path / "run.mcap")
@@ -231,7 +231,7 @@ def test_diagnostics_once_a_second_of_sim_time(rig: Rig) -> None:
     assert {p.key: p.value for p in imu.values}["measured_hz"] == "399.0"
 
 
-def test_it_is_complete_when_every_stream_is(lab: Scenario, tmp_path: Path) -> None:
+def test_recording_is_complete_when_every_stream_is(lab: Scenario, tmp_path: Path) -> None:
     """Sensors lag behind the clock: it is not the clock that ends a recording."""
     (rover,) = lab.vehicles
     only = tuple(sensor for sensor in rover.sensors if sensor.name in ("lidar", "imu"))
@@ -271,7 +271,7 @@ def test_a_sensor_that_is_not_there_is_not_awaited_for_ever(lab: Scenario, tmp_p
     assert rig.recorder.is_complete
 
 
-def test_what_outruns_the_first_clock_is_kept(rig: Rig) -> None:
+def test_messages_before_the_first_clock_are_kept(rig: Rig) -> None:
     for tick in range(9, 14):
         rig.imu(tick)
     rig.clock(10)
@@ -325,7 +325,7 @@ def test_messages_before_the_first_clock_of_an_episode_belong_to_it(
     assert successor.counts["messages"] == 4  # and /clock, /tf_static, /robot_description
 
 
-def test_a_sensors_clock_that_is_off_is_in_the_body_alone(rig: Rig) -> None:
+def test_sensor_clock_offset_is_only_in_the_body(rig: Rig) -> None:
     rig.clock(0)
     for tick, ahead in ((1, 0), (2, -2 * NANOS), (3, 3 * NANOS), (4, 0)):
         stamp = EPOCH + tick * TICK_NANOS + ahead
@@ -352,7 +352,7 @@ def test_begin_and_end_of_a_fault_are_recorded(rig: Rig) -> None:
     ]
 
 
-def test_what_a_sensor_misses_is_recorded(rig: Rig) -> None:
+def test_missing_readings_are_recorded(rig: Rig) -> None:
     rig.clock(0)
     gap = MissingSpan("overloaded", EPOCH, EPOCH + 3 * TICK_NANOS, 4, ("",))
     told = MissingReadings(EPOCH + 40 * TICK_NANOS, "rover/imu", (gap,))
@@ -363,7 +363,7 @@ def test_what_a_sensor_misses_is_recorded(rig: Rig) -> None:
     assert from_missing_readings(array) == told
 
 
-def test_what_came_too_fast_is_counted_by_topic_from_its_own_begin_on(lab: Scenario) -> None:
+def test_dropped_messages_are_counted_by_topic_and_begin(lab: Scenario) -> None:
     dropped = Counter({KEYS["imu"]: 5})
     recorder = Recorder(lab, RUN, lambda _: pytest.fail("not begun"), dropped=dropped)
     assert recorder.dropped == {}
@@ -371,7 +371,7 @@ def test_what_came_too_fast_is_counted_by_topic_from_its_own_begin_on(lab: Scena
     assert recorder.dropped == {"/imu": 2}
 
 
-def test_a_file_tells_what_came_too_fast(lab: Scenario, tmp_path: Path) -> None:
+def test_file_lists_dropped_messages(lab: Scenario, tmp_path: Path) -> None:
     file = RosFile(tmp_path / "run.mcap")
     file.mcap.add_metadata(RUN_RECORD, run_entries(describe_run(lab, RUN, EPOCH)))
     file.lacks({"/imu": 2})
@@ -381,7 +381,7 @@ def test_a_file_tells_what_came_too_fast(lab: Scenario, tmp_path: Path) -> None:
         assert recording.dropped == {"/imu": 2}
 
 
-def test_without_a_duration_a_recording_is_never_whole(lab: Scenario, tmp_path: Path) -> None:
+def test_recording_without_duration_is_never_complete(lab: Scenario, tmp_path: Path) -> None:
     rig = Rig(lab, tmp_path / "run.mcap")
     rig.clock(0)
     rig.clock(4000)

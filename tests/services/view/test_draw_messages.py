@@ -226,7 +226,7 @@ def test_a_jpeg_goes_as_it_is() -> None:
     assert bytes(image.blob.as_arrow_array()[0].as_py()) == bytes(JPEG)
 
 
-def test_compressed_depth_in_meters_is_told_by_its_header() -> None:
+def test_header_marks_compressed_depth_in_meters() -> None:
     """The PNG holds A / depth + B; here 1, 2 and 4 m, and none."""
     stored = np.array([[9001, 4001, 1501, 0]], np.uint16)
     file = io.BytesIO()
@@ -313,7 +313,7 @@ def test_a_cloud_from_before_the_first_state_is_counted() -> None:
     ],
     ids=["bayer", "h264", "no header", "no PNG", "unknown frame"],
 )
-def test_what_cannot_be_drawn_is_counted(message: BusMessage) -> None:
+def test_undrawable_messages_are_counted(message: BusMessage) -> None:
     it, _ = picture()
     show(it, "rover/x", message)
     assert it.drawing.not_drawn == 1
@@ -369,7 +369,7 @@ def test_a_plan_lies_in_the_frame_of_the_stack_and_a_cloud_in_the_sensors() -> N
     assert it.drawing.not_drawn == 1
 
 
-def test_what_else_is_relayed_is_drawn_as_what_it_is_or_counted() -> None:
+def test_other_relayed_messages_are_drawn_or_counted() -> None:
     it, recording = picture()
     costmap = memoryview(bytes(to_cdr(GRID)))
     show(it, "rover/x", Relayed(STAMP, "nav_msgs/msg/OccupancyGrid", costmap))
@@ -379,7 +379,7 @@ def test_what_else_is_relayed_is_drawn_as_what_it_is_or_counted() -> None:
     assert it.drawing.not_drawn == 2
 
 
-def test_what_is_stamped_by_another_clock_is_drawn_now() -> None:
+def test_foreign_stamps_are_drawn_at_the_current_time() -> None:
     """A node that does not use sim time, or stamps nothing, stretches no time line."""
     it, _ = picture()
     newest = it.drawing.now_nanos
@@ -426,7 +426,7 @@ def test_a_trail_is_bounded_and_keeps_its_ends() -> None:
     assert trail.points[-1][0] > 0.99 * 20_000 * 0.02
 
 
-def test_actors_are_drawn_where_the_state_says() -> None:
+def test_actors_are_drawn_at_their_state() -> None:
     crate = Actor(
         name="crate",
         form=CrateForm(material="wood"),

@@ -139,7 +139,7 @@ def test_a_message_is_cut_as_python_cuts_it(send: Path, size: int, body_size: in
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_what_arrives_late_twice_or_never_means_the_same_to_both(
+def test_late_repeated_and_lost_parts_agree_with_python(
     receive: Path, tmp_path: Path, seed: int
 ) -> None:
     generator = random.Random(seed)
@@ -182,7 +182,7 @@ def test_stamps_that_go_back_mean_the_same_to_both(receive: Path, tmp_path: Path
     means_the_same(receive, tmp_path, datagrams, [1] * len(datagrams))
 
 
-def test_who_goes_beyond_the_memory_gives_his_own(receive: Path, tmp_path: Path) -> None:
+def test_sender_over_the_limit_loses_its_own_messages(receive: Path, tmp_path: Path) -> None:
     """Of all memory, where others hold more than he does: his first is given up, none of theirs."""
 
     def part(number: int, parts: int, size: int, topic: str = "/a") -> bytes:
@@ -222,7 +222,7 @@ def means_the_same(
     return counters.incomplete
 
 
-def test_a_restart_amid_a_message_begins_it_anew(receive: Path, tmp_path: Path) -> None:
+def test_restart_within_a_message_starts_it_over(receive: Path, tmp_path: Path) -> None:
     """What was open had fewer parts: nothing of it may take the new ones."""
 
     def part(seq_number: int, number: int, parts: int, sec: int) -> bytes:
@@ -235,7 +235,7 @@ def test_a_restart_amid_a_message_begins_it_anew(receive: Path, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("name", IN_ORDER)
-def test_a_vector_is_cut_anew_to_the_same_bytes(name: str, send: Path) -> None:
+def test_vector_is_fragmented_to_the_same_bytes(name: str, send: Path) -> None:
     vector = load(name)
     reassembler = Reassembler()
     message = [reassembler.receive(datagram, "", 0) for datagram in vector.datagrams][-1]
@@ -250,7 +250,7 @@ def test_a_vector_is_cut_anew_to_the_same_bytes(name: str, send: Path) -> None:
 
 
 @pytest.mark.parametrize(("body_size", "size"), [(100, 1472), (300_000, 1472), (10**6, "loopback")])
-def test_it_receives_at_least_as_fast_as_python(
+def test_cpp_receives_at_least_as_fast_as_python(
     body_size: int, size: int | str, tmp_path: Path
 ) -> None:
     program = compiled("rate", tmp_path, "-O2")

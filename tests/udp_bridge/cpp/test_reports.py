@@ -67,9 +67,7 @@ def reported(lines: list[list[str]]) -> Reported:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_what_became_of_messages_is_reported_as_python_reports_it(
-    program: Path, tmp_path: Path, seed: int
-) -> None:
+def test_delivery_reports_match_python(program: Path, tmp_path: Path, seed: int) -> None:
     arrivals = journey(seed)
     ours, theirs = by_python(arrivals, BUFFER), by_cpp(program, arrivals, tmp_path)
     assert sorted(theirs.reports) == sorted(ours.reports)

@@ -158,7 +158,7 @@ def test_typed_bodies_are_read_as_python_reads_them(exchange: Exchange) -> None:
 
 
 @pytest.mark.parametrize("name", IN_ORDER)
-def test_a_vector_is_cut_anew_to_the_same_bytes(name: str, exchange: Exchange) -> None:
+def test_vector_is_fragmented_to_the_same_bytes(name: str, exchange: Exchange) -> None:
     datagrams = load(name).datagrams
     reassembler = Reassembler()
     message = [reassembler.receive(datagram, "", 0) for datagram in datagrams][-1]
@@ -189,7 +189,7 @@ def test_a_message_is_cut_as_python_cuts_it(size: int, body_size: int, exchange:
         ("/a", 0, 1, 65508),
     ],
 )
-def test_what_cannot_be_sent_is_not_sent(
+def test_unsendable_messages_are_refused(
     topic: str, stamp: int, body_size: int, size: int, exchange: Exchange
 ) -> None:
     message = Message(1, topic, "l", stamp, 0, bytes(body_size))
@@ -305,9 +305,7 @@ def test_a_request_for_credit_is_answered_by_one_for_itself(exchange: Exchange) 
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_what_became_of_messages_is_reported_as_python_reports_it(
-    exchange: Exchange, seed: int
-) -> None:
+def test_delivery_reports_match_python(exchange: Exchange, seed: int) -> None:
     arrivals = journey(seed)
     ours = by_python(arrivals, BUFFER, drops=False)
     assert sorted(exchange.receive(arrivals).reports) == sorted(ours.reports)
@@ -333,7 +331,7 @@ def test_only_a_peer_that_is_sent_messages_has_its_challenges_answered(
         assert parse(theirs)[0].seq_number == number
 
 
-def test_the_example_of_the_readme_hears_and_answers(tmp_path: Path) -> None:
+def test_readme_example_receives_and_replies(tmp_path: Path) -> None:
     code = re.search(r"```csharp\n(.*?)```", (FOLDER / "README.md").read_text(), re.DOTALL)
     assert code is not None
     (tmp_path / "Example.cs").write_text(code[1])

@@ -175,7 +175,7 @@ def test_newer_large_messages_supersede_those_that_wait(
     assert counts["sent_messages"] + counts["superseded"] <= 20
 
 
-def test_what_fits_at_no_size_is_refused_and_counted(make: Make) -> None:
+def test_oversized_messages_are_refused_and_counted(make: Make) -> None:
     sender = make(peer=("127.0.0.1", 9))
     with pytest.raises(TooLarge, match="Image on topic '/image': a body of 17000000 bytes"):
         sender.link.send(33, "/image", "", 0, bytes(17_000_000))
@@ -183,7 +183,7 @@ def test_what_fits_at_no_size_is_refused_and_counted(make: Make) -> None:
     assert sender.link.counters()["sent_datagrams"] == 0
 
 
-def test_bad_messages_are_the_callers_to_hear_of(make: Make) -> None:
+def test_bad_messages_raise_in_the_caller(make: Make) -> None:
     sender = make()
     with pytest.raises(BadMessage, match="nowhere to send to"):
         sender.link.send(8, "/clock", "", 0, b"")
@@ -210,7 +210,7 @@ def test_host_names_are_known_by_their_address(make: Make) -> None:
     assert sender.link.received.messages > 0  # credits
 
 
-def test_reports_tell_a_sender_what_arrived(make: Make) -> None:
+def test_reports_list_arrived_messages(make: Make) -> None:
     receiver = make(report=True)
     sender = make(peer=receiver.link.address)
     stamp = time.time_ns()
@@ -405,7 +405,7 @@ def test_closing_waits_for_no_timeout(make: Make, monkeypatch: pytest.MonkeyPatc
     assert not any(thread.is_alive() for thread in endpoint.link._threads)
 
 
-def test_closing_counts_what_was_open(make: Make, stranger: socket.socket) -> None:
+def test_closing_counts_open_messages(make: Make, stranger: socket.socket) -> None:
     receiver = make()
     head, part = next(fragments(Message(1, "/points", "", 0, 0, bytes(5000)), "mtu"))
     stranger.sendmsg([head, part], [], 0, receiver.link.address)

@@ -152,7 +152,7 @@ def test_a_large_message_does_not_overtake_the_rest_of_another_one(wire: Wire) -
         assert parts[92] == (2, 0)
 
 
-def test_small_messages_go_in_the_thread_that_brings_them(wire: Wire) -> None:
+def test_small_messages_are_sent_by_the_callers_thread(wire: Wire) -> None:
     with Link(("", 0), TO, socket=wire) as link:
         for number in range(5):
             clock(link, number)
@@ -173,7 +173,7 @@ def test_an_offer_is_repeated_though_nothing_else_happens(wire: Wire) -> None:
         wait_until(lambda: len(offers()) >= 3, "the offer of a message that nobody asks for")
 
 
-def test_what_comes_while_somebody_sends_is_sent_by_him(wire: Wire) -> None:
+def test_messages_queued_during_a_send_are_sent_by_that_thread(wire: Wire) -> None:
     with Link(("", 0), TO, socket=wire) as link:
         clock(link, 0)
         wire.may_send.clear()
@@ -230,7 +230,7 @@ def test_an_error_in_a_socket_leaves_nothing_behind(wire: Wire) -> None:
         wait_until(lambda: [h.seq_number for h in wire.headers] == [0, 2], "what was left to it")
 
 
-def test_closing_does_not_wait_for_what_waits(wire: Wire) -> None:
+def test_closing_does_not_wait_for_queued_messages(wire: Wire) -> None:
     link = Link(("", 0), TO, socket=wire)
     link.send(1, "/points", "", 10**18, bytes(65280 * 20))
     link.close()

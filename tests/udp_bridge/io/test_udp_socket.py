@@ -129,7 +129,7 @@ def test_repair_symbols_of_the_longest_names_are_sent_as_a_batch(sending: type, 
 
 @pytest.mark.parametrize("sending", BATCHES)
 @pytest.mark.parametrize("is_retried", [False, True])
-def test_a_datagram_that_can_not_be_sent_is_left_out_or_retried_once_on_request(
+def test_unsendable_datagram_is_skipped_or_retried_once(
     sending: type, pair: Pair, is_retried: bool
 ) -> None:
     complaints: list[int] = []
@@ -145,7 +145,7 @@ def test_a_datagram_that_can_not_be_sent_is_left_out_or_retried_once_on_request(
 
 @pytest.mark.parametrize("receiving", BATCHES)
 @pytest.mark.parametrize("is_anything_expected", [False, True])
-def test_datagrams_of_any_size_come_back_whole(
+def test_datagrams_of_any_size_round_trip(
     receiving: type, pair: Pair, is_anything_expected: bool
 ) -> None:
     rng = random.Random(1)
@@ -200,9 +200,7 @@ WRONG = {
 
 @pytest.mark.parametrize("receiving", BATCHES)
 @pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG.keys())
-def test_what_is_not_exactly_the_next_part_is_handed_over_whole(
-    receiving: type, pair: Pair, wrong: bytes
-) -> None:
+def test_other_datagrams_are_returned_complete(receiving: type, pair: Pair, wrong: bytes) -> None:
     parts = parts_of(4500)
     one, two = delivered(pair, (FIRST, wrong, *whole(parts)[1:]))
     block, found = received(receiving, two, place(parts, one, is_open=False), 6)
@@ -212,7 +210,7 @@ def test_what_is_not_exactly_the_next_part_is_handed_over_whole(
 
 
 @pytest.mark.parametrize("receiving", BATCHES)
-def test_a_part_from_elsewhere_is_handed_over_whole(receiving: type, pair: Pair) -> None:
+def test_part_from_another_address_is_returned_complete(receiving: type, pair: Pair) -> None:
     one, two = pair
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(LOCAL)
@@ -371,7 +369,7 @@ def test_a_time_that_is_none_begins_no_message(receiving: type, pair: Pair, nsec
 
 
 @needs_many
-def test_only_what_is_there_is_taken_when_it_is_not_to_be_waited_for(pair: Pair) -> None:
+def test_nonblocking_receive_takes_available_datagrams_only(pair: Pair) -> None:
     one, two = delivered(pair, [FIRST])
     at = place(parts_of(4500), one, is_open=False, due_nanos=1)
     run = received_natively(two, at)

@@ -42,7 +42,7 @@ def test_a_block_is_large_enough_and_not_wasteful(size: int) -> None:
     assert size <= len(pool.lease(size)) <= 2 * size + 65_536
 
 
-def test_what_is_kept_is_bounded() -> None:
+def test_memory_is_bounded() -> None:
     pool = BlockPool()
     views = [memoryview(pool.lease(16_000_000)) for _ in range(6)]
     assert len({id(view.obj) for view in views}) == 6

@@ -147,7 +147,7 @@ def test_a_part_that_disagrees_is_refused() -> None:
     assert len(receiver.parts(POINTS, (1, 2, 3))) == 1
 
 
-def test_what_makes_another_message_does_not_disagree() -> None:
+def test_parts_of_another_message_do_not_conflict() -> None:
     receiver = Receiver()
     others = [
         POINTS._replace(seq_number=11),
@@ -277,7 +277,7 @@ def test_a_forged_number_costs_some_messages_and_silences_nothing(
     assert [message.seq_number for message in got][-96:] == list(range(5114, 5210))
 
 
-def test_a_jump_alone_leaves_no_trace_in_the_reports() -> None:
+def test_sequence_jump_is_not_reported() -> None:
     receiver = Receiver()
     receiver.seqs(imu(5), imu(6), imu(6 + 2**20), imu(7))
     ((_, _, report),) = receiver.reassembler.reports("a", 0)
@@ -326,7 +326,7 @@ def test_a_multi_part_message_that_ends_behind_is_late() -> None:
     assert receiver.reassembler.memory_bytes == 0
 
 
-def test_a_restart_after_silence_gives_up_what_was_open() -> None:
+def test_restart_after_silence_abandons_open_messages() -> None:
     receiver = Receiver()
     receiver.parts(cloud(7), range(4))
     receiver.now_s = 0.5
@@ -337,7 +337,7 @@ def test_a_restart_after_silence_gives_up_what_was_open() -> None:
     assert len(receiver.parts(cloud(0), (1, 2, 3))) == 1
 
 
-def test_a_restart_gives_up_what_was_open_before_it() -> None:
+def test_restart_abandons_earlier_open_messages() -> None:
     receiver = Receiver()
     receiver.parts(cloud(7, 1000), range(4))
     receiver.part(cloud(8, 1001))
@@ -408,7 +408,7 @@ def test_the_oldest_of_five_open_messages_of_a_topic_is_given_up() -> None:
     assert len(receiver.parts(cloud(1), (1, 2, 3))) == 1
 
 
-def test_memory_counts_what_a_message_takes() -> None:
+def test_memory_counts_message_sizes() -> None:
     receiver = Receiver()
     receiver.part(cloud(1, parts=200), 0)
     first = OVERHEAD_BYTES + 200 * PART

@@ -32,9 +32,7 @@ def key(number: int) -> DatagramKey:
         (65507, 66576),
     ],
 )
-def test_the_estimate_is_not_far_from_what_the_kernel_was_measured_to_take(
-    size: int, measured: int
-) -> None:
+def test_estimate_is_close_to_measured_kernel_memory(size: int, measured: int) -> None:
     assert kernel_bytes(size) >= measured * 0.99
     assert kernel_bytes(size) < 2 * measured
 
@@ -133,7 +131,7 @@ def test_a_new_peer_that_acknowledges_gets_its_own_window() -> None:
 
 
 @pytest.mark.parametrize("size", [256, 1472, 9000, 16384, 65507])
-def test_a_default_receive_buffer_holds_what_a_new_peer_gets_at_once(size: int) -> None:
+def test_default_receive_buffer_holds_the_first_window(size: int) -> None:
     flow = FlowControl()
     taken_bytes = 0
     for number in range(10_000):
@@ -189,7 +187,7 @@ def test_a_peer_that_does_not_get_to_read_is_sent_nothing() -> None:
     assert flow.stalls == 100
 
 
-def test_a_second_of_asking_in_vain_brings_the_bucket_and_a_credit_the_window() -> None:
+def test_unanswered_requests_enable_the_bucket_and_a_credit_the_window() -> None:
     flow = full(8)
     sent: list[int] = []
     for now in range(0, 2010 * MS, MS):
@@ -217,7 +215,7 @@ def test_stalls_with_credits_between_them_do_not_bring_the_bucket() -> None:
             assert not flow.may_send(SIZE, now)
 
 
-def test_a_credit_for_what_is_not_in_flight_changes_nothing() -> None:
+def test_credit_beyond_flight_is_ignored() -> None:
     flow = FlowControl()
     flow.requested(key(0), 100, 0)
     flow.credited(key(0), 1 << 20, 0)
@@ -252,7 +250,7 @@ def test_a_bucket_holds_its_burst_and_its_rate() -> None:
     assert not bucket.may_send(1000, 1000 * MS)
 
 
-def test_what_is_larger_than_the_bucket_goes_when_it_is_full() -> None:
+def test_message_larger_than_the_bucket_is_sent_when_full() -> None:
     bucket = TokenBucket(1e6, 3000)
     assert bucket.may_send(5000, 0)
     bucket.sent(5000, 0)

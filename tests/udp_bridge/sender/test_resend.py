@@ -103,7 +103,7 @@ def test_they_go_before_parts_of_newer_messages_and_behind_small_ones() -> None:
     assert kinds[:3] == [(8, 0, 0), (1, 0, 2), (1, 1, 0)]
 
 
-def test_what_was_not_sent_yet_or_is_another_message_is_not_sent() -> None:
+def test_requests_for_unsent_or_other_messages_are_ignored() -> None:
     queue = box()
     queue.put(cloud())
     first, *_ = [queue.take(0), queue.take(0)]
@@ -130,7 +130,7 @@ def test_parts_of_another_message_of_the_number_are_not_sent(other: dict[str, in
     assert queue.resender.resent == 0
 
 
-def test_whole_messages_are_resent() -> None:
+def test_complete_messages_are_resent() -> None:
     queue = box()
     rows = [put(queue, 0, Message(2, "/p", "", stamp, 0, b"imu")) for stamp in range(4)]
     queue.resender.requested(rows[1][0][0]._replace(time_nsec=999), Request(2, 0, 2, 0), MS)
@@ -266,7 +266,7 @@ def test_a_burst_is_repaired_at_any_goodput_but_not_more_than_was_sent(left: int
     assert spent(budget, 0, BUDGET_WINDOW_S * SECOND + 1) == most // 1000 * 1000
 
 
-def test_a_claim_beyond_what_was_sent_counts_for_nothing() -> None:
+def test_claims_beyond_sent_messages_are_ignored() -> None:
     budget = ResendBudget()
     budget.sent(20_000_000, 0)
     assert spent(budget, 1 << 31, 1) == 20_000_000 // BUDGET_WINDOW_S
@@ -290,7 +290,7 @@ def test_a_pause_does_not_reduce_the_budget() -> None:
     assert spent(budget, 1_500_000, now) == 10_000_000 // BUDGET_WINDOW_S - 1_000_000
 
 
-def test_what_arrived_before_the_window_counts_no_more() -> None:
+def test_arrivals_before_the_window_are_ignored() -> None:
     budget, now = ResendBudget(), BUDGET_WINDOW_S * SECOND
     budget.goodput_reported(90_000_000, 0)
     budget.sent(400_000_000, now)

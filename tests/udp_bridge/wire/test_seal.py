@@ -35,7 +35,7 @@ def opened(receiver: Seal, datagram: bytes, now: int = NOW) -> bytes | str:
         return refused.reason
 
 
-def test_what_is_sealed_opens(receiver: Seal) -> None:
+def test_sealed_datagram_opens(receiver: Seal) -> None:
     datagram = sealed(sender())
     assert len(datagram) == len(PLAIN) + OVERHEAD
     assert opened(receiver, datagram) == PLAIN
@@ -93,14 +93,14 @@ def test_a_datagram_opens_once(receiver: Seal) -> None:
     assert results.count("replayed") == 101
 
 
-def test_what_is_older_than_the_first_is_refused(receiver: Seal) -> None:
+def test_counters_before_the_first_are_refused(receiver: Seal) -> None:
     seal = sender()
     before, first = sealed(seal), sealed(seal)
     assert opened(receiver, first) == PLAIN
     assert opened(receiver, before) == "replayed"
 
 
-def test_the_window_is_as_wide_as_it_says_and_no_wider(receiver: Seal) -> None:
+def test_replay_window_has_its_declared_width(receiver: Seal) -> None:
     seal = sender()
     assert opened(receiver, sealed(seal)) == PLAIN
     early = [sealed(seal), sealed(seal)]
@@ -110,7 +110,7 @@ def test_the_window_is_as_wide_as_it_says_and_no_wider(receiver: Seal) -> None:
     assert opened(receiver, early[0]) == "replayed"
 
 
-def test_what_an_end_sealed_does_not_open_for_itself(receiver: Seal) -> None:
+def test_own_datagrams_do_not_open(receiver: Seal) -> None:
     assert opened(receiver, sealed(receiver)) == "reflected"
     before_restart = Seal(SECRET, sends=FROM_ROS, sender=9)
     assert opened(receiver, sealed(before_restart)) == "reflected"

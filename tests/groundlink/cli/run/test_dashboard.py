@@ -60,7 +60,7 @@ def drawn(*streams: StreamReport, width: int = PLAIN_WIDTH) -> str:
     return shown(Health("gateway", 1, 400, {}, streams), width=width)
 
 
-def test_who_holds_up_the_run_stands_at_its_head() -> None:
+def test_stalled_process_is_shown_on_top() -> None:
     told = Stalls(("rover/lidar",), {"rover/lidar": 6.0}, {"rover/lidar": 5.0})
     picture = shown(Health("physics", 1, 400, {"worlds": 0} | told.counters()))
     second = picture.splitlines()[1]
@@ -97,7 +97,7 @@ def test_a_narrow_terminal_costs_no_number(width: int) -> None:
         assert {"11", "7", "2", "3", "missing", "superseded"} <= set(words)
 
 
-def test_a_narrow_terminal_costs_types_first_and_then_what_does_not_change() -> None:
+def test_narrow_terminal_drops_types_then_constant_columns() -> None:
     def head(width: int) -> str:
         return line(drawn(HEALTHY, width=width), "topic")
 
@@ -133,19 +133,19 @@ def test_lines_of_processes_stand_below_the_picture_of_a_terminal() -> None:
     ]
 
 
-def test_what_did_not_arrive_is_told_by_cause() -> None:
+def test_losses_are_shown_by_cause() -> None:
     lost = [text.split("│")[-2] for text in drawn(LOSSY).splitlines() if text.startswith("│")]
     assert " ".join(" ".join(lost).split()) == ("11 missing, 7 incomplete, 2 dropped, 3 superseded")
 
 
-def test_what_was_not_reported_is_said_and_no_loss() -> None:
+def test_unreported_messages_are_shown_and_not_lost() -> None:
     unknown = replace(LOSSY, messages=0, lost=0, missing=0, reported=False)
     (row,) = (line for line in drawn(unknown).splitlines() if unknown.topic in line)
     assert "not reported" in row
     assert "missing" not in row
 
 
-def test_a_sensor_that_fails_says_so() -> None:
+def test_failed_sensor_is_shown() -> None:
     failing = {"readings": 7, "fault_stuck": 1, "fault_bias": 1}
     picture = shown(
         Health("rover/imu", 1, 400, failing), Health("rover/lidar", 1, 400, {"readings": 9})
@@ -154,7 +154,7 @@ def test_a_sensor_that_fails_says_so() -> None:
     assert ":" not in line(picture, "rover/lidar")
 
 
-def test_a_sensor_that_misses_readings_says_why() -> None:
+def test_missing_readings_are_shown_with_cause() -> None:
     counters = {"readings": 7, "gap_overloaded": 12, "gap_not there": 3}
     picture = shown(Health("rover/camera", 1, 400, counters))
     cells = [cell.strip() for cell in line(picture, "rover/camera").split("│")]

@@ -88,7 +88,7 @@ def test_a_color_may_be_defined_where_it_is_used_first(tmp_path: Path) -> None:
     assert model.visuals[0].material == model.wheels[0].material == "urdf_ff8000"
 
 
-def test_what_the_vehicle_says_wins(tmp_path: Path) -> None:
+def test_vehicle_fields_override_the_urdf(tmp_path: Path) -> None:
     model = MODEL + (
         "name: mine\n"
         "chassis: {friction: 0.1}\n"
@@ -104,7 +104,7 @@ def test_what_the_vehicle_says_wins(tmp_path: Path) -> None:
     assert astuple(mine.suspension) == (0.01, 900, 20)
 
 
-def test_it_may_stand_in_the_scenario_itself(tmp_path: Path) -> None:
+def test_urdf_may_be_inline_in_the_scenario(tmp_path: Path) -> None:
     file = scenario(tmp_path)
     inline = "\n".join(f"      {line}" for line in MODEL.splitlines())
     text = file.read_text(encoding="utf-8").replace("model: cart.yaml", f"model:\n{inline}")
@@ -195,7 +195,7 @@ def test_a_wheel_may_be_a_mesh(tmp_path: Path) -> None:
     assert wheel.center_m == pytest.approx((0, 0.215, 0))
 
 
-def test_a_missing_picture_of_a_mesh_is_told(tmp_path: Path) -> None:
+def test_missing_texture_of_a_mesh_gives_one_line(tmp_path: Path) -> None:
     corners = "".join(f"v {x} {y} {z}\nvt {y} {z}\n" for x, y, z in CORNERS)
     faces = "".join("f " + " ".join(f"{i + 1}/{i + 1}" for i in f) + "\n" for f in TETRAHEDRON)
     (tmp_path / "hull.obj").write_text(f"mtllib hull.mtl\n{corners}usemtl a\n{faces}")
@@ -221,7 +221,7 @@ def test_its_joints_move_with_their_limits_and_speeds(tmp_path: Path) -> None:
     }
 
 
-def test_its_moving_links_are_where_the_urdf_says(tmp_path: Path) -> None:
+def test_moving_links_match_the_urdf(tmp_path: Path) -> None:
     """Forward kinematics by the file's own numbers, whose frames are turned."""
     model = vehicle(tmp_path, TURRET).model
     pan, turn, lift, slide = 0.0, 0.7, 0.3, 0.2
@@ -248,7 +248,7 @@ def test_its_moving_links_are_where_the_urdf_says(tmp_path: Path) -> None:
     assert not {part.name for part in model.visuals} & {barrel.name}
 
 
-def test_the_mass_and_collisions_of_what_moves_are_the_bases(tmp_path: Path) -> None:
+def test_mass_and_collisions_of_moving_links_belong_to_the_base(tmp_path: Path) -> None:
     moving = vehicle(tmp_path, TURRET).model
     fixed = vehicle(
         tmp_path,

@@ -61,7 +61,7 @@ def test_the_way_and_the_speed_are_those_of_the_truth(gathered: RunSummary) -> N
     assert motion.asked[0] == pytest.approx((0.0, 0.8, 0.5))
 
 
-def test_energy_is_the_last_word_and_touches_are_one_event(gathered: RunSummary) -> None:
+def test_energy_is_the_last_total_and_a_contact_is_one_event(gathered: RunSummary) -> None:
     [energy] = gathered.energies
     assert energy.last is not None
     assert energy.last.motor_work_j == pytest.approx(50 * (SECONDS - 0.1))
@@ -74,7 +74,7 @@ def test_energy_is_the_last_word_and_touches_are_one_event(gathered: RunSummary)
     assert event.ticks == 20
 
 
-def test_what_processes_said_is_kept(gathered: RunSummary) -> None:
+def test_process_diagnostics_are_kept(gathered: RunSummary) -> None:
     assert gathered.diagnostics.processes["gateway"]["host"] == "lab-pc"
     assert gathered.diagnostics.processes["gateway"]["stale"] == "4"
     words = gathered.diagnostics.streams["/imu", "to ROS"]
@@ -94,7 +94,7 @@ def test_cameras_have_some_pictures_over_the_whole_run(gathered: RunSummary) -> 
     assert JPEG
 
 
-def test_only_what_is_shown_is_decoded(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_shown_messages_are_decoded(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     decoded: dict[str, int] = {}
 
     class Counting:

@@ -80,7 +80,7 @@ def test_everything_has_its_section(content: str) -> None:
     assert reader.tags["img"] == 12
 
 
-def test_it_needs_no_network(content: str) -> None:
+def test_page_needs_no_network(content: str) -> None:
     for address in read(content).addresses:
         assert address.startswith(("data:image/", "#")), address
     assert "@import" not in content
@@ -88,7 +88,7 @@ def test_it_needs_no_network(content: str) -> None:
     assert "<script" not in content
 
 
-def test_what_is_shown_is_not_trusted(content: str) -> None:
+def test_shown_text_is_escaped(content: str) -> None:
     assert "&lt;script&gt;alert(&#x27;&amp;&#x27;)&lt;/script&gt;" in content
 
 
@@ -104,7 +104,7 @@ def test_figures_are_on_it(content: str) -> None:
         assert words in content, words
 
 
-def test_what_the_ros_side_never_reported_is_said_to_be_so(gathered: RunSummary) -> None:
+def test_unreported_streams_are_marked(gathered: RunSummary) -> None:
     ((key, words),) = gathered.diagnostics.streams.items()
     unknown = words.last | {"reported": "False", "lost": "0", "messages": "0", "missing": "0"}
     unknown |= {"dropped": "0", "sent": "2010"}
@@ -130,7 +130,7 @@ def test_the_same_run_is_the_same_page(recording: Path, content: str) -> None:
     assert page(gathered_from(recording)) == content
 
 
-def test_what_a_run_did_not_have_is_not_there(gathered: RunSummary) -> None:
+def test_absent_sections_are_omitted(gathered: RunSummary) -> None:
     bare = dataclasses.replace(
         gathered,
         motions=[VehicleMotion("rover", 1)],

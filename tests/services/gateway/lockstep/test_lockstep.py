@@ -33,7 +33,7 @@ def rig() -> Rig:
     return it
 
 
-def test_ros_is_asked_whether_it_is_there_before_anything_goes_out() -> None:
+def test_first_barrier_precedes_all_messages() -> None:
     it = Rig()
     it.clock(0)
     assert it.link.barriers == [
@@ -47,7 +47,7 @@ def test_ros_is_asked_whether_it_is_there_before_anything_goes_out() -> None:
     assert (CLOCK, "/clock", 0) in {row[:3] for row in it.link.sent}
 
 
-def test_it_asks_when_all_sensors_have_followed_and_all_is_sent(rig: Rig) -> None:
+def test_barrier_follows_all_sensors_and_messages(rig: Rig) -> None:
     rig.clock(0)
     rig.measured(0)
     rig.followed(0, *SENSORS[:3])
@@ -118,7 +118,7 @@ def test_commands_that_are_lost_for_good_are_counted_and_said(rig: Rig) -> None:
     assert any("lost 3 messages to ROS and 2 from ROS" in line for line in rig.said)
 
 
-def test_a_ros_side_that_was_started_anew_gets_all_again_and_is_asked_again(rig: Rig) -> None:
+def test_restarted_ros_node_gets_messages_and_barrier_again(rig: Rig) -> None:
     rig.clock(0)
     rig.followed(0)
     rig.says(0)
@@ -143,7 +143,7 @@ def test_a_ros_side_that_was_started_anew_gets_all_again_and_is_asked_again(rig:
     assert [ack.tick for ack in rig.acks] == [0, 4]
 
 
-def test_a_reset_begins_anew(rig: Rig) -> None:
+def test_reset_starts_over(rig: Rig) -> None:
     rig.clock(0)
     rig.followed(0)
     rig.says(0)
@@ -158,7 +158,7 @@ def test_a_reset_begins_anew(rig: Rig) -> None:
     assert rig.lockstep.counts["other_episodes"] == 1
 
 
-def test_a_gateway_that_comes_back_asks_where_physics_stands() -> None:
+def test_restarted_gateway_requests_the_status_of_physics() -> None:
     state = State(RUN, EPISODE, 0, 8, 8 * TICK_NANOS, "", {})
     it = Rig(resumed=RunStatus(Ack(EPISODE, 4, 4), state))
     it.turn()
@@ -207,7 +207,7 @@ def test_acknowledgements_of_sensors_that_the_bus_has_lost(
     assert rig.link.barriers[-1].tick == asked
 
 
-def test_what_was_heard_of_is_not_asked_twice() -> None:
+def test_answered_barrier_is_not_repeated() -> None:
     state = State(RUN, EPISODE, 0, 0, 0, "", {})
     it = Rig(resumed=RunStatus(Ack(EPISODE, -1, -1), state))
     it.clock(0)

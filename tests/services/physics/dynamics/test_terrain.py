@@ -246,7 +246,7 @@ def striped() -> Terrain:
 
 
 @pytest.mark.parametrize(("y_m", "holds"), [(-10.0, True), (10.0, False)])
-def test_what_lies_under_a_wheel_says_how_it_grips(y_m: float, holds: bool) -> None:
+def test_material_under_a_wheel_sets_its_grip(y_m: float, holds: bool) -> None:
     at = Placement(y_m=y_m)
     with put(striped(), shipped("rover"), at=at, materials=MATERIALS) as simulation:
         moved = drive(simulation, 2.0).pose[:, 0]
@@ -270,7 +270,7 @@ def test_each_place_has_the_material_of_its_cell() -> None:
             assert landscape.friction_at(x_m, y_m) == MATERIALS[expected].friction
 
 
-def test_a_chassis_rubs_on_what_it_is_over() -> None:
+def test_chassis_rubs_on_the_material_below() -> None:
     backend = FreeBodies()
     windows = TerrainWindows(backend, load_ground(striped()), MATERIALS)
     pin = Pin(0, (0.0, -1.0, 0.0))
@@ -299,7 +299,7 @@ def test_a_map_too_fine_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("above_m", "rolled"), [(0.05, True), (0.5, False)])
-def test_what_is_low_above_the_terrain_is_rolled_over(above_m: float, rolled: bool) -> None:
+def test_low_steps_above_terrain_are_rolled_over(above_m: float, rolled: bool) -> None:
     """A slab on a plateau 30 m up, on which it is not the height above z = 0 that counts."""
     plateau = np.full((65, 65), 30.0)
     slab = Solid("slab", Box(size_m=(1.0, 6.0, 2.0)), "ground", (2.0, 0.0, 29.0 + above_m))
@@ -337,7 +337,7 @@ def test_random_commands_on_rough_steep_cells_break_nothing(name: str) -> None:
 
 @pytest.mark.parametrize("name", VEHICLES)
 @pytest.mark.parametrize("yaw_deg", [0.0, 120.0])
-def test_starts_where_start_says(name: str, yaw_deg: float) -> None:
+def test_vehicle_starts_at_its_placement(name: str, yaw_deg: float) -> None:
     place = Placement(x_m=20.3, y_m=-7.7, z_m=0.25, yaw_deg=yaw_deg)
     scenario = world(rolling(), (shipped(name), place))
     origin, turn = spawn_pose(scenario.vehicles[0], load_ground(rolling()))

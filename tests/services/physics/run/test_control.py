@@ -104,7 +104,7 @@ def test_an_invalid_command_is_refused_with_a_reason(text: str) -> None:
     assert loop.asked("") == ControlAnswer("", 3, False)
 
 
-def test_who_asks_a_busy_run_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_busy_run_refuses_commands(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "ANSWER_SECONDS", 0.01)
     (answer,) = Loop().control.answer('{"wish":"pause"}')
     assert "busy" in msgspec.json.decode(answer, type=ControlAnswer).error

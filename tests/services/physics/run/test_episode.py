@@ -36,7 +36,7 @@ def says(episode: Episode, process: str, tick: int) -> None:
     episode.apply_acks()
 
 
-def test_who_was_cut_off_is_heard_again_when_it_has_asked_what_it_missed(episode: Episode) -> None:
+def test_disconnected_sensor_counts_again_after_requesting_missed_states(episode: Episode) -> None:
     says(episode, "rover/imu", 3)
     episode.process_left("rover/imu")
     says(episode, "rover/imu", 7)

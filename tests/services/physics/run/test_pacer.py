@@ -25,7 +25,7 @@ def test_real_time_keeps_to_the_wall(overload: str, factor: float) -> None:
     assert run.lines == []
 
 
-def test_slow_stretches_time_for_a_sensor_that_is_behind_and_says_whose_fault_it_is() -> None:
+def test_slow_waits_for_a_late_sensor_and_names_it() -> None:
     run = Paced.joined(Time())
     run.run(20.0, times_real=HALF)
     window_seconds = run.time.window_ticks / TICK_RATE_HZ
@@ -38,7 +38,7 @@ def test_slow_stretches_time_for_a_sensor_that_is_behind_and_says_whose_fault_it
     assert line.startswith("the run is 5.0 s behind"), "the sensor is slow, not silent"
 
 
-def test_skip_waits_for_nobody() -> None:
+def test_skip_never_waits() -> None:
     run = Paced.joined(Time(overload="skip"))
     run.run(10.0, times_real=HALF)
     assert run.sim_seconds == pytest.approx(10.0, abs=0.01)
@@ -54,7 +54,7 @@ def test_skip_waits_for_nobody() -> None:
         ("slow", SLOW_AT_ONCE_SECONDS + 0.3, 0.3),
     ],
 )
-def test_what_physics_makes_up_for_at_once_when_it_was_not_let_run(
+def test_physics_catches_up_after_not_being_scheduled(
     overload: str, pause: float, stretched: float
 ) -> None:
     run = Paced.joined(Time(overload=overload, catch_up=0.0))  # type: ignore[arg-type]
@@ -93,7 +93,7 @@ def test_without_catching_up_a_run_stays_behind_and_owes_nothing() -> None:
     assert run.lines == []
 
 
-def test_slow_writes_off_what_is_beyond_the_deadline_and_says_so_once() -> None:
+def test_slow_writes_off_delay_beyond_the_deadline_once() -> None:
     run = Paced.joined(Time(deadline_s=5.0))
     run.run(10.0, pause=6.0)
     run.run(10.0, pause=6.0)
@@ -112,7 +112,7 @@ def test_skip_catches_up_however_long_it_takes() -> None:
     assert run.lines == []
 
 
-def test_fail_bears_what_is_caught_up_with() -> None:
+def test_fail_tolerates_delay_that_is_caught_up() -> None:
     run = Paced.joined(Time(overload="fail", deadline_s=0.5))
     for _ in range(10):
         run.run(10.0, pause=0.5)
@@ -121,7 +121,7 @@ def test_fail_bears_what_is_caught_up_with() -> None:
         run.run(1.0, pause=0.8)
 
 
-def test_in_real_time_who_is_not_there_or_does_not_matter_is_not_waited_for() -> None:
+def test_realtime_ignores_absent_and_optional_processes() -> None:
     pacer = pacer_for(LAB, EPISODE, ["rover/driver"])
     pacer.participants.acknowledged("gateway", Ack(EPISODE, 3, 3))
     pacer.participants.acknowledged("rover/driver", Ack(EPISODE, 3, 3))
@@ -166,7 +166,7 @@ def test_lockstep_begins_with_all_that_it_waits_for(mode: str) -> None:
     assert "gateway" not in pacer.participants.missing(401)
 
 
-def test_lockstep_with_ros_steps_from_word_to_word() -> None:
+def test_lockstep_with_ros_steps_from_reply_to_reply() -> None:
     time = Time(mode="fast", lockstep="ros", clock_rate_hz=100.0)
     pacer = pacer_for(replace(LAB, time=time), EPISODE, [])
     for name in SENSORS:
@@ -180,7 +180,7 @@ def test_lockstep_with_ros_steps_from_word_to_word() -> None:
     assert pacer.participants.missing(5) == ["gateway"], "it is needed"
 
 
-def test_a_pause_is_nobodys_fault_and_not_made_up_for() -> None:
+def test_pause_is_no_delay() -> None:
     run = Paced.joined(Time())
     run.run(5.0, times_real={LIDAR: 0.0})
     before = run.sim_seconds, dict(run.stretched)

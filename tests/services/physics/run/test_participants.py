@@ -55,14 +55,14 @@ def test_others_are_waited_for_while_they_are_there(participants: Participants) 
     assert participants.missing(61) == []
 
 
-def test_who_is_needed_is_waited_for_when_it_has_left(participants: Participants) -> None:
+def test_required_participant_is_awaited_after_it_left(participants: Participants) -> None:
     ack(participants, "rover/imu", 1000)
     ack(participants, "rover/lidar", 10)
     participants.left("rover/lidar")
     assert participants.missing(500) == ["rover/lidar"]
 
 
-def test_words_of_another_episode_do_not_count(participants: Participants) -> None:
+def test_acks_of_other_episodes_are_ignored(participants: Participants) -> None:
     ack(participants, "rover/imu", 1000, episode=EPISODE - 1)
     assert "rover/imu" in participants.missing(1)
 
@@ -77,7 +77,7 @@ def test_in_real_time_those_are_waited_for_that_are_there_and_matter(present: Pa
     assert present.missing(106) == []
 
 
-def test_who_is_given_up_counts_again_with_its_next_word(
+def test_abandoned_participant_counts_again_after_its_next_ack(
     participants: Participants, present: Participants
 ) -> None:
     for some in (participants, present):
@@ -98,7 +98,7 @@ def test_who_is_given_up_counts_again_with_its_next_word(
     assert participants.absent == {"rover/lidar"}
 
 
-def test_who_is_not_wanted_any_more_is_not_waited_for(participants: Participants) -> None:
+def test_removed_participant_is_not_awaited(participants: Participants) -> None:
     for name in ("rover/imu", "rover/lidar", "viewer"):
         ack(participants, name, 0)
     participants.mark_absent("rover/lidar")
@@ -120,7 +120,7 @@ def test_a_step_in_which_a_drivers_command_acts_waits_for_that_command() -> None
         assert participants.missing(acts + 1)
 
 
-def test_a_step_after_a_barrier_waits_for_the_word_on_that_barrier() -> None:
+def test_step_waits_for_the_reply_to_its_barrier() -> None:
     """What was commanded by the barrier acts in the step after it, and never in another one."""
     participants = Participants({"gateway": barriers(4)}, needed=("gateway",), episode=EPISODE)
     ack(participants, "gateway", -1)
@@ -131,7 +131,7 @@ def test_a_step_after_a_barrier_waits_for_the_word_on_that_barrier() -> None:
         assert not any(participants.missing(tick) for tick in range(barrier + 1, barrier + 5))
 
 
-def test_a_word_counts_when_the_commands_that_it_speaks_of_are_here() -> None:
+def test_reply_counts_after_its_commands_arrived() -> None:
     pending = PendingAcks()
     first = Ack(EPISODE, -8, -1)
     pending.add("rover/driver", first)

@@ -100,7 +100,7 @@ def scenario(lab: Scenario) -> Scenario:
 
 
 @pytest.mark.parametrize("saved_tick", [1, 300, 397, 400])
-def test_what_is_restored_goes_on_as_what_was_saved(scenario: Scenario, saved_tick: int) -> None:
+def test_restored_run_continues_as_the_saved_one(scenario: Scenario, saved_tick: int) -> None:
     with episode_of(scenario) as episode:
         drive(episode, saved_tick)
         journal = loaded(dumped(episode.journal()), "file")
@@ -143,7 +143,7 @@ def test_all_that_is_published_afterwards_is_the_same(scenario: Scenario) -> Non
         again.end()
 
 
-def test_what_was_commanded_late_acts_when_it_came(scenario: Scenario) -> None:
+def test_late_command_acts_at_its_arrival_tick(scenario: Scenario) -> None:
     """As in real time: the stamp alone would have it act earlier."""
     with episode_of(scenario) as episode:
         drive(episode, 40)
@@ -155,7 +155,7 @@ def test_what_was_commanded_late_acts_when_it_came(scenario: Scenario) -> None:
         again.end()
 
 
-def test_commands_on_their_way_belong_to_what_was_saved(scenario: Scenario) -> None:
+def test_pending_commands_are_saved(scenario: Scenario) -> None:
     with episode_of(scenario) as episode:
         episode.command("rover", Command(200 * TICK_NANOS, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
         for _ in range(100):
@@ -168,7 +168,7 @@ def test_commands_on_their_way_belong_to_what_was_saved(scenario: Scenario) -> N
 
 
 @pytest.mark.parametrize("mode", ["realtime", "fast"])
-def test_others_go_on_from_their_last_words(scenario: Scenario, mode: Mode) -> None:
+def test_participants_continue_from_their_last_acks(scenario: Scenario, mode: Mode) -> None:
     with episode_of(replace(scenario, time=replace(scenario.time, mode=mode))) as episode:
         drive(episode, HISTORY_TICKS + 100)
         episode.acknowledged("rover/imu", Ack(5, HISTORY_TICKS + 50, HISTORY_TICKS + 40, b"memory"))
@@ -194,7 +194,7 @@ def test_time_goes_on_at_once_from_where_it_was(scenario: Scenario) -> None:
         again.end()
 
 
-def test_a_word_counts_when_the_command_that_it_speaks_of_is_here(scenario: Scenario) -> None:
+def test_ack_counts_after_its_command_arrived(scenario: Scenario) -> None:
     """Or a driver that is restored would take for sent what never came."""
     with episode_of(scenario) as episode:
         episode.acknowledged("rover/driver", Ack(5, 0, 0, b"", {"rover": 8}))
@@ -216,13 +216,13 @@ def test_a_run_that_follows_another_does_the_same(scenario: Scenario) -> None:
         assert list(map(encode, states(again))) == list(map(encode, states(episode)))
 
 
-def test_who_follows_nobody_is_told_nothing(scenario: Scenario) -> None:
+def test_run_without_followed_journal_reports_no_result(scenario: Scenario) -> None:
     with episode_of(scenario) as episode:
         JournalPlayer(None).play(episode)
         assert episode.journal().entries == ()
 
 
-def test_a_result_that_differs_is_told_with_its_cause(scenario: Scenario) -> None:
+def test_different_result_is_reported_with_its_cause(scenario: Scenario) -> None:
     with episode_of(scenario) as episode, episode_of(scenario, 9) as again:
         drive(episode, 20)
         saved = replace(episode.journal(), digest="")
@@ -238,7 +238,7 @@ def test_a_result_that_differs_is_told_with_its_cause(scenario: Scenario) -> Non
             )
 
 
-def test_progress_is_told_now_and_then(scenario: Scenario) -> None:
+def test_restore_progress_is_reported_periodically(scenario: Scenario) -> None:
     with episode_of(scenario) as episode, episode_of(scenario, 9) as again:
         drive(episode, 20)
         restoration = Restoration(episode.journal(), again)

@@ -50,14 +50,14 @@ class Run:
                 )
 
 
-def test_nothing_is_said_of_a_run_that_is_well() -> None:
+def test_healthy_run_reports_nothing() -> None:
     run = Run()
     run.go(100)
     run.go(100, missing=1, cause="overloaded")
     assert run.lines == []
 
 
-def test_a_sensor_that_misses_readings_is_told_of_once_and_once_more_when_it_is_back() -> None:
+def test_missing_readings_and_recovery_are_each_reported_once() -> None:
     run = Run()
     run.go(20)
     run.go(60, missing=8, cause="overloaded")
@@ -72,13 +72,13 @@ def test_a_sensor_that_misses_readings_is_told_of_once_and_once_more_when_it_is_
 
 
 @pytest.mark.parametrize("cause", ["off", "drop", "rate_change", "not there"])
-def test_what_is_wanted_is_no_shortfall(cause: str) -> None:
+def test_requested_drops_are_no_shortfall(cause: str) -> None:
     run = Run()
     run.go(60, missing=20, cause=cause)
     assert run.lines == []
 
 
-def test_a_crash_is_told_with_what_it_has_cost() -> None:
+def test_restart_is_reported_with_its_missing_readings() -> None:
     run = Run()
     run.go(20)
     run.go(5, says=False)
@@ -112,7 +112,7 @@ def test_a_bad_start_is_no_shortfall() -> None:
     assert run.lines == []
 
 
-def test_time_that_goes_too_slowly_is_told_with_who_held_it_up() -> None:
+def test_slow_time_is_reported_with_its_cause() -> None:
     run = Run(factor=0.5)
     run.go(30, speed=0.5)
     assert run.lines == []
@@ -135,7 +135,7 @@ def test_a_pause_is_no_shortfall() -> None:
     assert run.lines == []
 
 
-def test_a_sensor_at_the_limit_is_not_told_of_again_and_again() -> None:
+def test_sensor_at_its_limit_is_reported_once() -> None:
     run = Run()
     run.go(20)
     for _ in range(10):

@@ -49,7 +49,7 @@ def test_a_saved_run_takes_its_place(saved: Journal, file: str) -> None:
     assert chosen(file, "--mode", "fast").scenario.time.mode == "fast"
 
 
-def test_who_follows_needs_no_driver(saved: Journal, file: str) -> None:
+def test_followed_run_needs_no_driver(saved: Journal, file: str) -> None:
     found = chosen("--follow", file)
     assert found.followed == saved
     assert [vehicle.route for vehicle in found.scenario.vehicles] == [None]
@@ -62,6 +62,6 @@ def test_one_of_them_is_expected(file: str) -> None:
             chosen(*words)
 
 
-def test_what_is_no_saved_run_cannot_be_followed() -> None:
+def test_other_file_cannot_be_followed() -> None:
     with pytest.raises(UserError, match=r"indoor_lab_tour.yaml: not a saved run"):
         chosen("--follow", str(LAB))

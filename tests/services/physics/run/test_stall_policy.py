@@ -30,7 +30,7 @@ def stalls(run: Paced) -> Stalls:
 
 
 @pytest.mark.parametrize("time", [{}, {"mode": "lockstep"}, {"mode": "fast"}])
-def test_nobody_is_named_before_the_deadline(time: dict[str, str]) -> None:
+def test_no_process_is_named_before_the_deadline(time: dict[str, str]) -> None:
     run = begun(**time)
     run.run(0.95 * DEADLINE, times_real=STOPPED)
     run.run(1.0)
@@ -147,7 +147,7 @@ def test_fail_ends_a_run_that_lacks_readings_which_it_was_to_have(cause: Any, en
 
 
 @pytest.mark.parametrize("overload", ["slow", "skip", "fail"])
-def test_who_has_not_begun_yet_is_named_in_time_and_has_longer(overload: Any) -> None:
+def test_starting_process_has_a_longer_deadline(overload: Any) -> None:
     run = Paced(Time(mode="fast", overload=overload, deadline_s=DEADLINE))
     check, pacer, begin = run.stall_policy.check, run.pacer, 100.0
 
@@ -182,13 +182,13 @@ def test_a_silence_of_several_is_one_line() -> None:
     assert len(run.lines) == 2
 
 
-def test_of_ros_the_word_is_named_that_is_missing() -> None:
+def test_missing_ros_reply_is_named() -> None:
     run = Paced.joined(Time(mode="fast", lockstep="ros", deadline_s=DEADLINE))
     run.run(DEADLINE + 0.1)
     assert run.lines == ["tick 1 has waited 2 s for gateway (waits for ROS)"]
 
 
-def test_who_has_left_is_not_back() -> None:
+def test_departed_process_is_not_reported_as_back() -> None:
     run = begun()
     run.run(DEADLINE + SLACK, times_real=STOPPED)
     run.pacer.participants.left(LIDAR)

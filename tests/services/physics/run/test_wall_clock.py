@@ -29,13 +29,13 @@ def test_a_factor_shrinks_or_stretches_ticks(factor: float, late: float) -> None
     assert wall_clock.late_seconds(400, 0.0) == pytest.approx(late)
 
 
-def test_what_is_late_for_a_moment_is_made_up_for(wall_clock: WallClock) -> None:
+def test_short_delay_is_caught_up(wall_clock: WallClock) -> None:
     wall_clock.late_seconds(0, 0.0)
     assert wall_clock.lost_seconds(1, 0.9 * CATCH_UP) == 0.0
     assert wall_clock.late_seconds(400, 0.9 * CATCH_UP) == pytest.approx(0.9 * CATCH_UP - 1.0)
 
 
-def test_what_is_later_is_written_off_without_a_slew(wall_clock: WallClock) -> None:
+def test_long_delay_is_written_off_without_slew(wall_clock: WallClock) -> None:
     wall_clock.late_seconds(0, 0.0)
     lost = 5.0 - TICK_SECONDS - CATCH_UP
     assert wall_clock.lost_seconds(1, 5.0) == pytest.approx(lost)
@@ -61,7 +61,7 @@ def test_a_debt_is_paid_by_ticks_that_are_due_faster(factor: float) -> None:
     ), "it is due again as if nothing had been"
 
 
-def test_who_cannot_keep_up_owes_nothing_twice() -> None:
+def test_delay_is_written_off_once() -> None:
     """Ticks that come late pay nothing back, so what is lost is what sim time lacks."""
     wall_clock = WallClock(1.0, CATCH_UP, slew=0.05, most_debt_seconds=100.0)
     wall_clock.late_seconds(0, 0.0)
@@ -70,7 +70,7 @@ def test_who_cannot_keep_up_owes_nothing_twice() -> None:
     assert wall_clock.debt_seconds(3999) == pytest.approx(lost)
 
 
-def test_a_debt_that_is_too_large_is_written_off_whole() -> None:
+def test_large_delay_is_written_off_completely() -> None:
     wall_clock = WallClock(1.0, CATCH_UP, slew=0.05, most_debt_seconds=5.0)
     wall_clock.late_seconds(0, 0.0)
     assert wall_clock.lost_seconds(0, 4.0 + CATCH_UP) == pytest.approx(4.0)

@@ -105,7 +105,7 @@ def test_a_crate_is_pushed_and_stops(put: Put) -> None:
 
 
 @pytest.mark.parametrize("mass_kg", [2.0, 40.0])
-def test_what_is_heavy_stops_who_strikes_it(put: Put, mass_kg: float) -> None:
+def test_heavy_object_stops_a_colliding_vehicle(put: Put, mass_kg: float) -> None:
     motion = FreeMotion(at_m=(0.8, 0.0, 0.0), mass_kg=mass_kg, friction=0.3)
     simulation = put(replace(CRATE, motion=motion))
     speeds = run(simulation, 2.0, (1.0, 0.0)).velocity[:, 0]
@@ -114,7 +114,7 @@ def test_what_is_heavy_stops_who_strikes_it(put: Put, mass_kg: float) -> None:
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.5])
-def test_friction_stops_what_slides(lab: Scenario, put: Put, friction: float) -> None:
+def test_friction_stops_sliding_objects(lab: Scenario, put: Put, friction: float) -> None:
     cart = PathMotion(points_m=((-1.0, 1.5), (0.0, 1.5)), speed_mps=1.5, pause_s=100.0)
     struck = FreeMotion(at_m=(-0.2, 1.5, 0.0), mass_kg=2.0, friction=friction)
     simulation = put(
@@ -128,7 +128,7 @@ def test_friction_stops_what_slides(lab: Scenario, put: Put, friction: float) ->
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.7])
-def test_what_falls_bounces_as_it_is_told(put: Put, restitution: float) -> None:
+def test_falling_object_bounces_by_its_restitution(put: Put, restitution: float) -> None:
     motion = FreeMotion(at_m=(1.5, 0.0, 0.5), mass_kg=1.0, restitution=restitution)
     simulation = put(replace(CRATE, motion=motion))
     heights = []
@@ -152,7 +152,7 @@ def test_a_person_blocks_a_vehicle_and_gives_way_to_nothing(put: Put) -> None:
     assert trace.last[2] == pytest.approx(0.165, abs=0.1)
 
 
-def test_who_goes_his_way_is_where_his_motion_says(put: Put) -> None:
+def test_moving_actor_follows_its_motion(put: Put) -> None:
     motion = PathMotion(points_m=((3.0, 0.0), (3.0, 2.0), (4.0, 2.0)), pause_s=0.2)
     visitor = Actor(name="visitor", form=PERSON, motion=motion)
     simulation = put(visitor, DOOR, new_backend=FreeBodies)

@@ -85,7 +85,7 @@ def test_pictures_come_at_the_rate_with_their_stamps() -> None:
     ("publish", "streams"),
     [("compressed", {"", "camera_info"}), ("raw", {"image", "camera_info"})],
 )
-def test_only_what_is_asked_for(publish: str, streams: set[str]) -> None:
+def test_only_requested_outputs(publish: str, streams: set[str]) -> None:
     assert taken(camera(publish=publish), resting(1)).keys() == streams
     made = world()
     rover = replace(made.vehicles[0], sensors=(spec(publish=publish),))
@@ -139,13 +139,13 @@ def test_quality_is_size() -> None:
     assert sizes[2] > 2 * sizes[0]
 
 
-def test_raw_pixels_are_as_large_as_told() -> None:
+def test_raw_size_matches_its_declaration() -> None:
     told = body_bytes(world().vehicles[0], spec(publish="raw"))
     assert 57600 <= told <= 57600 + 100
 
 
 @pytest.mark.parametrize("quality", [20, 50, 70, 80, 85, 90, 95, 98, 100])
-def test_the_largest_jpeg_is_as_large_as_told(quality: int) -> None:
+def test_largest_jpeg_matches_its_declaration(quality: int) -> None:
     """A picture of pure noise is the largest there is."""
     told = body_bytes(world().vehicles[0], spec(publish="compressed", jpeg_quality=quality))
     noise = np.random.default_rng(1).integers(0, 256, (120, 160, 3), np.uint8)
@@ -161,7 +161,7 @@ def test_the_largest_jpeg_is_as_large_as_told(quality: int) -> None:
         ({"encoding": "bayer_rggb8"}, "publish: raw"),
     ],
 )
-def test_what_does_not_go_together_is_refused(fields: dict[str, Any], problem: str) -> None:
+def test_conflicting_fields_are_refused(fields: dict[str, Any], problem: str) -> None:
     with pytest.raises(ValueError, match=problem):
         spec(**fields)
 
@@ -273,7 +273,7 @@ GRAIN = {"full_well_electrons": 3000.0, "read_noise_electrons": 5.0}
         (Lens(model="equidistant", distortion=(-0.02,)), (-0.02, 0.0, 0.0, 0.0)),
     ],
 )
-def test_camera_info_tells_the_lens(lens: Lens, told: tuple[float, ...]) -> None:
+def test_camera_info_describes_the_lens(lens: Lens, told: tuple[float, ...]) -> None:
     (info,) = taken(camera(lens=lens, vertical_fov_deg=60.0), resting(1))["camera_info"]
     assert isinstance(info, CameraInfo)
     assert info.distortion_model == lens.model

@@ -26,7 +26,7 @@ def seen(truth_m: NDArray[np.float32], *, tick: int = 0, **fields: Any) -> NDArr
     return depth_m
 
 
-def test_an_ideal_device_tells_the_truth() -> None:
+def test_ideal_device_is_exact() -> None:
     truth_m = np.random.default_rng(1).uniform(0.1, 10.0, (24, 32)).astype(np.float32)
     assert np.array_equal(seen(truth_m), truth_m)
 
@@ -48,7 +48,7 @@ def test_noise_grows_with_depth_squared() -> None:
         assert inner.mean() == pytest.approx(depth_m, abs=0.02 * wanted + wanted**2 / depth_m)
 
 
-def test_noise_is_of_the_generator_alone_and_white() -> None:
+def test_noise_is_white_and_depends_on_the_generator_only() -> None:
     first = seen(wall(4.0), tick=1, **STEREO, disparity_stddev_px=0.1)[:, 60:] - 4.0
     assert np.array_equal(
         first, seen(wall(4.0), tick=1, **STEREO, disparity_stddev_px=0.1)[:, 60:] - 4.0
@@ -58,7 +58,7 @@ def test_noise_is_of_the_generator_alone_and_white() -> None:
         assert abs(np.corrcoef(a.ravel(), b.ravel())[0, 1]) < 0.02
 
 
-def test_what_matches_nothing_is_beyond() -> None:
+def test_unmatched_pixels_are_out_of_range() -> None:
     """A disparity that noise makes negative is no depth behind the camera; the sky has none."""
     far = seen(wall(900.0), **STEREO, disparity_stddev_px=0.5)
     assert not (far < 0).any()
@@ -109,6 +109,6 @@ def test_holes_at_edges(radius_px: int) -> None:
         ({"edge_holes_px": 2}, "baseline_m"),
     ],
 )
-def test_what_does_not_go_together_is_refused(fields: dict[str, Any], problem: str) -> None:
+def test_conflicting_fields_are_refused(fields: dict[str, Any], problem: str) -> None:
     with pytest.raises(ValueError, match=problem):
         spec(**fields)

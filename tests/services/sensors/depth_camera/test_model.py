@@ -90,7 +90,7 @@ def test_every_stream_has_the_stamps_of_the_rate() -> None:
         ),
     ],
 )
-def test_only_what_is_asked_for(fields: dict[str, Any], topics: set[str]) -> None:
+def test_only_requested_outputs(fields: dict[str, Any], topics: set[str]) -> None:
     made = world()
     rover = replace(made.vehicles[0], sensors=(spec(**fields),))
     sent = {stream.topic for stream in outgoing(replace(made, vehicles=(rover,)), "run")}

@@ -114,7 +114,7 @@ def test_a_bias_is_added_and_a_drift_grows(message: type[Reading], quantity: str
 
 
 @pytest.mark.parametrize(("message", "quantity"), VALUES, ids=lambda v: getattr(v, "__name__", v))
-def test_noise_has_its_deviation_and_depends_on_the_seed_alone(
+def test_noise_has_its_deviation_and_depends_on_the_seed_only(
     message: type[Reading], quantity: str
 ) -> None:
     value, _, _ = VALUES[message, quantity]
@@ -141,7 +141,7 @@ def test_two_noises_that_begin_at_different_times_are_different() -> None:
     assert errors(0.0) != errors(0.25)
 
 
-def test_what_is_no_distance_stays_and_limits_are_kept() -> None:
+def test_invalid_ranges_stay_and_limits_hold() -> None:
     model = wrapped(Repeats(READINGS[LaserScan]), LaserScan, Bias(value=1.0))
     ranges = scan_range_m(changed(model, 1)[0][1])  # type: ignore[arg-type]
     expected = [2.0, 3.0, np.inf, np.inf, -np.inf, np.nan, 1.3, 6.0]
@@ -293,7 +293,7 @@ def test_a_lower_rate_begins_with_its_first_reading_however_they_are_spaced() ->
     assert kept == [12, 13, 18, 20, 24, 25, 30, 36, 38, 42, 43, 48]
 
 
-def test_stamps_that_are_rounded_count_as_what_they_are() -> None:
+def test_rounded_stamps_are_accepted() -> None:
     model = wrapped(Counts(READINGS[Imu], 30.0), Imu, RateChange(rate_hz=15.0))
     run = changed(model, 400)
     assert [round(30 * seconds(reading)) for _, reading in run] == [*range(0, 30, 2)]
@@ -318,7 +318,7 @@ def test_two_of_a_kind_add_up() -> None:
     assert reading.range_m == 2.25  # type: ignore[attr-defined]
 
 
-def test_what_is_no_reading_is_out_of_reach() -> None:
+def test_other_messages_are_not_affected() -> None:
     class WithTruth(Repeats):
         def readings(self, state: Any) -> Any:
             for reading in super().readings(state):

@@ -46,7 +46,7 @@ class Bench:
         return [(told.tick, [fault.kind for fault in told.active]) for told in self.told]
 
 
-def test_begin_and_end_of_each_fault_are_told_once() -> None:
+def test_begin_and_end_of_each_fault_are_reported_once() -> None:
     bench = Bench(Off(at_s=0.1, for_s=0.1), Bias(value=1.0, at_s=0.15))
     bench.take(200)
     assert bench.events() == [(40, ["off"]), (60, ["off", "bias"]), (80, ["bias"])]
@@ -79,7 +79,7 @@ def test_the_same_in_a_scenario_gives_the_same_bytes() -> None:
     assert by_scenario.events() == live.events()
 
 
-def test_to_clear_ends_what_is_on_and_leaves_what_is_to_come() -> None:
+def test_clear_ends_active_faults_only() -> None:
     bench = Bench(Off(at_s=0.1), Bias(value=1.0, at_s=0.5))
     bench.take(81)
     bench.ask(Stuck())
@@ -108,7 +108,7 @@ def test_to_ask_changes_nothing() -> None:
         ('{"kind":"occluded_sector","from_deg":0,"to_deg":9}', "does not look around"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(asked: str | Fault, why: str) -> None:
+def test_invalid_faults_give_one_line(asked: str | Fault, why: str) -> None:
     bench = Bench()
     bench.take(10)
     answer = bench.ask(asked)
@@ -132,7 +132,7 @@ def test_a_live_fault_is_acknowledged_at_once_so_that_a_crash_does_not_end_it() 
     assert second.events() == [(120, ["stuck"])]
 
 
-def test_a_successor_tells_nothing_twice() -> None:
+def test_successor_repeats_no_report() -> None:
     first, second = Bench(Off(at_s=0.1, for_s=0.5)), Bench(Off(at_s=0.1, for_s=0.5))
     first.take(160)
     second.live.resume(first.line.acks[-1])
@@ -140,7 +140,7 @@ def test_a_successor_tells_nothing_twice() -> None:
     assert second.events() == [(240, [])]
 
 
-def test_who_joins_a_run_under_way_tells_what_there_is() -> None:
+def test_late_sensor_reports_active_faults() -> None:
     bench = Bench()
     bench.take(500, 510)
     assert bench.events() == [(500, [])]

@@ -96,9 +96,7 @@ def test_a_fix_comes_late_with_the_stamp_of_its_instant() -> None:
     ("solution", "status", "quality"),
     [("single_point", 0, "1"), ("sbas", 1, "2"), ("rtk_float", 2, "5"), ("rtk_fix", 2, "4")],
 )
-def test_the_kind_of_solution_is_told_in_both_forms(
-    solution: str, status: int, quality: str
-) -> None:
+def test_kind_of_solution_is_in_both_messages(solution: str, status: int, quality: str) -> None:
     model = receiver(solution=solution)
     (fix,) = fixes(model, resting(1))
     assert fix.status == status
@@ -110,7 +108,7 @@ def test_the_kind_of_solution_is_told_in_both_forms(
     assert float(gga[11]) == 31.0
 
 
-def test_sentences_follow_what_has_been_done_to_a_fix() -> None:
+def test_sentences_follow_faults_of_a_fix() -> None:
     model = receiver(rate_hz=20)
     first, *_ = fixes(model, resting(41))
     moved = replace(first, latitude_deg=first.latitude_deg + 0.5, stamp_nanos=7 * 10**9)
@@ -132,7 +130,7 @@ def test_velocity_in_the_sentences_is_the_antennas() -> None:
     assert float(fields[1]) == pytest.approx(math.degrees(math.atan2(1.0, 2.5)), abs=0.01)
 
 
-def test_white_errors_are_normal_and_as_large_as_the_covariance_says() -> None:
+def test_white_errors_match_the_covariance() -> None:
     spec: dict[str, Any] = {
         "horizontal": PositionNoise(0.5),
         "vertical": PositionNoise(1.0),
@@ -182,7 +180,7 @@ def test_drift_is_a_gauss_markov_process_of_its_time() -> None:
             assert found == pytest.approx(math.exp(-lag_s / 2.0), abs=0.12)
 
 
-def test_startup_and_outages_are_told_as_no_fix() -> None:
+def test_startup_and_outages_give_no_fix() -> None:
     square = ((1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0))
     model = receiver(rate_hz=10, startup_s=0.5, outages=(square,))
     ticks = np.arange(1201)
@@ -237,7 +235,7 @@ def test_under_a_roof_there_is_no_fix_and_beside_a_wall_a_worse_one() -> None:
     assert 4 <= int(gga[7]) < 10
 
 
-def test_errors_beside_a_wall_are_as_large_as_the_covariance_says() -> None:
+def test_errors_beside_a_wall_match_the_covariance() -> None:
     made = yard(box("wall", (100, 0.2, 60), (0, 2, 0)))
     spec: dict[str, Any] = {
         "horizontal": PositionNoise(0.5),

@@ -183,6 +183,6 @@ def test_a_state_that_lacks_links_restarts_the_model() -> None:
         ({"returns": "first"}, "Invalid enum value 'first'"),
     ],
 )
-def test_what_does_not_go_together_is_told(fields: dict[str, Any], message: str) -> None:
+def test_conflicting_fields_give_one_line(fields: dict[str, Any], message: str) -> None:
     with pytest.raises(msgspec.ValidationError, match=message):
         rooms.scenario(**fields)

@@ -156,7 +156,9 @@ def test_packets_do_not_depend_on_the_messages(three: list[PointCloud]) -> None:
         assert sent(spec(**fields), blocks) == whole
 
 
-def test_position_packets_say_when_the_data_packet_before_ended(three: list[PointCloud]) -> None:
+def test_position_packets_carry_the_end_of_the_previous_data_packet(
+    three: list[PointCloud],
+) -> None:
     stamps = [
         struct.unpack_from("<I", payload, 1200 if port is None else 198)[0]
         for port, payload in sent(spec(**sheet()), three)
@@ -179,7 +181,7 @@ def test_a_successor_sends_the_packets_that_begin_after_it(three: list[PointClou
         assert len(whole) - len(found) == -(-(first * 1808 // 144) // 24)
 
 
-def test_of_what_is_not_published_there_is_no_packet(three: list[PointCloud]) -> None:
+def test_unpublished_readings_have_no_packet(three: list[PointCloud]) -> None:
     whole = data(spec(**sheet()), three)
     assert data(spec(**sheet()), [three[0], three[2]]) == whole[:75] + whole[151:]
 
@@ -211,7 +213,7 @@ def test_a_device_that_is_stuck_sends_old_directions_at_new_times() -> None:
     assert min(azimuths_deg[20:]) > 74.8
 
 
-def test_what_returned_nothing_has_no_distance(three: list[PointCloud]) -> None:
+def test_rays_without_return_have_no_distance(three: list[PointCloud]) -> None:
     lidar = spec(**sheet())
     nothing = [replace(cloud, points=memoryview(b"")) for cloud in three]
     for packet, empty in zip(data(lidar, three), data(lidar, nothing), strict=True):
@@ -240,7 +242,7 @@ def test_what_returned_nothing_has_no_distance(three: list[PointCloud]) -> None:
         (sheet(firings_per_azimuth=1), "`firings_per_azimuth: 2`"),
     ],
 )
-def test_what_the_packets_cannot_tell_is_refused(fields: dict[str, Any], reason: str) -> None:
+def test_specs_without_vlp16_packets_are_refused(fields: dict[str, Any], reason: str) -> None:
     with pytest.raises(UserError, match="`lidar` has no native packets") as refused:
         Vlp16(spec(**fields))
     assert reason in str(refused.value)

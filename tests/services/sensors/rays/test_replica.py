@@ -30,7 +30,7 @@ def replica(**visuals: object) -> Replica:
 BOX = {"shape": {"kind": "box", "size_m": [0.4, 0.2, 0.1]}, "material": "dark"}
 
 
-def test_links_are_where_the_state_says() -> None:
+def test_links_follow_the_state() -> None:
     seen = replica(hull=BOX)
     # The vehicle has turned left by a right angle: its x is the world's y.
     assert height(seen, 1.0, 0.65) == (pytest.approx(0.25, abs=1e-5), 0, 6)
@@ -48,7 +48,7 @@ def test_wheels_are_cylinders_about_y() -> None:
     assert seen.reflectivity[[4, 6, 7]] == pytest.approx([0.4, 0.1, 0.05])
 
 
-def test_the_sensors_own_housing_is_left_out() -> None:
+def test_sensor_housing_is_excluded() -> None:
     puck = {"kind": "cylinder", "radius_m": 0.05, "length_m": 0.08}
     for z, seen_height in ((0.5, 0.25), (0.4, 0.64)):
         housing = {"shape": puck, "material": "dark", "position_m": [0.0, 0.0, z]}
@@ -68,7 +68,7 @@ def test_the_sensors_own_housing_is_left_out() -> None:
         ({"kind": "sphere", "radius_m": 0.1}, False),
     ],
 )
-def test_what_encloses_is_told_by_shape(shape: dict[str, object], inside: bool) -> None:
+def test_enclosure_is_tested_by_shape(shape: dict[str, object], inside: bool) -> None:
     # 0.12 m below the sensor's height in the base, turned about x by a right angle, 0.105 m off.
     turned = {"orientation": [0.5**0.5, 0.0, 0.0, 0.5**0.5]}
     visual = {"shape": shape, "material": "dark", "position_m": [0.0, 0.0, 0.5 - 0.105], **turned}
@@ -84,7 +84,7 @@ def test_a_state_without_a_link_is_refused() -> None:
         made.take(state)
 
 
-def test_motion_is_what_was_taken() -> None:
+def test_motion_follows_the_states_taken() -> None:
     scenario = rooms.scenario()
     made = Replica(scenario, scenario.vehicles[0], (0.0, 0.0, 0.5))
     way = rooms.driving(speed_mps=1.0, turn_radps=0.5)

@@ -162,7 +162,7 @@ def test_a_successor_repeats_nothing_that_was_settled(bench: Bench) -> None:
     assert bench.stamps() == [120, 160, 200, 240]
 
 
-def test_a_successor_of_nobody_publishes_everything(bench: Bench) -> None:
+def test_without_predecessor_memory_everything_is_published(bench: Bench) -> None:
     bench.sensor.resume(Ack(0, -1, -1))
     bench.take(range(100))
     assert bench.stamps() == [0, 40]
@@ -174,13 +174,13 @@ def test_a_gap_after_resuming_withholds_nothing(bench: Bench) -> None:
     assert bench.stamps() == [40, 80, 160, 200]
 
 
-def test_who_joins_a_run_under_way_was_not_there(bench: Bench) -> None:
+def test_readings_before_a_late_join_are_missing_as_not_there(bench: Bench) -> None:
     bench.take(range(110, 201))
     assert bench.stamps() == [120, 160]
     assert bench.gaps() == [("not there", 0, 80, 3)]
 
 
-def test_what_a_successor_cannot_make_up_for_is_missing_since_its_predecessor(
+def test_unrecoverable_readings_after_a_restart_are_missing(
     bench: Bench,
 ) -> None:
     bench.take(range(101))
@@ -191,7 +191,7 @@ def test_what_a_successor_cannot_make_up_for_is_missing_since_its_predecessor(
     assert after.gaps() == [("restarted", 80, 280, 6)]
 
 
-def test_what_nobody_waits_for_is_let_go_and_marked() -> None:
+def test_overload_drops_states_and_marks_readings_missing() -> None:
     bench = Bench(max_waiting_ticks=100)
     bench.take(range(90), waiting=100)
     bench.take(range(90, 190), waiting=101)
@@ -205,7 +205,7 @@ def test_what_nobody_waits_for_is_let_go_and_marked() -> None:
     assert waiting.told == []
 
 
-def test_what_is_lost_after_what_was_let_go_has_its_own_cause() -> None:
+def test_lost_states_after_dropped_states_have_their_own_cause() -> None:
     bench = Bench(max_waiting_ticks=100)
     bench.take([*range(90), 100])
     bench.take(range(101, 150), waiting=101)
@@ -213,7 +213,7 @@ def test_what_is_lost_after_what_was_let_go_has_its_own_cause() -> None:
     assert bench.gaps() == [("overloaded", 80, 120, 2), ("states lost", 280, 320, 2)]
 
 
-def test_what_may_have_gone_by_a_dead_link_is_told_again_by_the_next_one(bench: Bench) -> None:
+def test_gaps_are_repeated_after_a_lost_session(bench: Bench) -> None:
     lost, later = ("states lost", 80, 80, 1), ("states lost", 240, 240, 1)
     bench.take([*range(100), *range(110, 230)])
     assert bench.gaps() == [lost]
@@ -235,7 +235,7 @@ def test_a_new_episode_receives_nothing_of_the_one_before(bench: Bench) -> None:
     assert len(bench.told) == 1
 
 
-def test_progress_is_told_with_what_is_settled(bench: Bench) -> None:
+def test_acknowledgement_carries_the_settled_tick(bench: Bench) -> None:
     bench.take(range(101))
     told = [(ack.episode, ack.tick, ack.settled_tick) for ack in bench.acks]
     assert told == [(0, 0, 0), (0, ACK_TICKS, 40), (0, 2 * ACK_TICKS, 80)]
@@ -246,7 +246,7 @@ def test_another_world_is_refused(bench: Bench) -> None:
         bench.sensor.take(State("run", 0, 0, 0, 0, "cd" * 32, {}))
 
 
-def test_a_changed_world_is_asked_for_once_and_then_known() -> None:
+def test_changed_world_is_requested_once() -> None:
     other = "cd" * 32
     bench = Bench(worlds=[other])
     bench.take(range(50))
@@ -259,13 +259,13 @@ def test_a_changed_world_is_asked_for_once_and_then_known() -> None:
         bench.sensor.take(State("run", 0, 0, 140, 0, "ef" * 32, {}))
 
 
-def test_what_a_model_remembers_goes_with_its_progress() -> None:
+def test_model_memory_is_sent_with_acknowledgements() -> None:
     bench = Bench(Counts())
     bench.take(range(101))
     assert bench.memories() == [b"1", b"51", b"101"]
 
 
-def test_a_successor_is_told_what_its_predecessor_remembered() -> None:
+def test_successor_gets_its_predecessors_memory() -> None:
     before, model = Bench(Counts()), Counts()
     before.take(range(51))
     bench = Bench(model)
@@ -295,7 +295,7 @@ class Skips(EveryFortyTicks):
         self.told.append(waiting)
 
 
-def test_a_model_that_skips_is_told_how_far_behind_it_is() -> None:
+def test_skipping_model_gets_its_delay() -> None:
     model = Skips()
     bench = Bench(model, max_waiting_ticks=100)
     for tick, waiting in enumerate((0, 3, 41)):

@@ -59,7 +59,7 @@ def label(seen: Returns) -> int | None:
     ],
 )
 @pytest.mark.parametrize("wide", [{}, {"divergence_mrad": [0.1, 0.1], "rays_per_beam": 4}])
-def test_what_is_seen_how_far_follows_beer_and_lambert(
+def test_visibility_follows_beer_lambert(
     material: str, rho: float, weather: Weather, extinction_per_m: float, wide: dict[str, Any]
 ) -> None:
     reach = reach_m(rho, extinction_per_m)
@@ -69,14 +69,14 @@ def test_what_is_seen_how_far_follows_beer_and_lambert(
     assert label(along_x(material, reach + 0.05, weather, **last)) != 1
 
 
-def test_intensity_is_what_is_left() -> None:
+def test_intensity_is_attenuated() -> None:
     for distance in (5.0, 12.0):
         seen = along_x("white", distance, FOG, returns="last")
         assert seen.intensity.item() == round(100 * math.exp(-2 * FOG_PER_M * distance))
 
 
 @pytest.mark.parametrize(("min_range_m", "first_m"), [(0.5, 1.0), (2.0, 2.0)])
-def test_fog_hides_what_is_weaker_than_itself(min_range_m: float, first_m: float) -> None:
+def test_fog_hides_weaker_returns(min_range_m: float, first_m: float) -> None:
     """The fog's own echo is the stronger one from where rho exp(-2 a R) / R^2 is below its."""
     least = SOFT * math.exp(-2 * FOG_PER_M * first_m) / first_m**2
     crossing = reach_m(0.5, FOG_PER_M, least)
@@ -103,7 +103,7 @@ def test_the_echo_of_fog_lies_in_the_first_half_pulse() -> None:
 
 
 @pytest.mark.parametrize("side", [-1, 1])
-def test_fog_is_not_seen_behind_what_covers_a_part_of_the_beam(side: int) -> None:
+def test_fog_behind_a_partial_hit_returns_nothing(side: int) -> None:
     post = targets.box("gray", (1.25, side * 5.0, 0), (0.1, 10, 10), "half")
     beams = {"divergence_mrad": [9.0, 9.0], "rays_per_beam": 4, "returns": "dual", **AXIS}
     spec = {**SHEET, **beams, "elevations_deg": np.linspace(-1, 1, 99).tolist()}
@@ -149,7 +149,7 @@ def test_dust_is_seen_where_a_ray_enters_it() -> None:
     assert 1.0 <= within.range_m.min() < within.range_m.max() <= 1.01 + CELL_M
 
 
-def test_dust_hides_what_is_weaker_than_itself() -> None:
+def test_dust_hides_weaker_returns() -> None:
     """A thin layer at 10 m, and a dark wall at 12 m: 0.1 / 12^2 and less light, or the dust's."""
 
     def margin(visibility_m: float) -> float:

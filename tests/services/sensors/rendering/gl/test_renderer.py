@@ -49,7 +49,7 @@ def brightness(color: NDArray[np.uint8], row: int, column: int) -> float:
     "pinhole",
     [Pinhole(320, 240, 250.0, 250.0, 159.5, 119.5), Pinhole(321, 200, 300.0, 220.0, 120.3, 130.8)],
 )
-def test_things_are_where_the_matrix_says(pinhole: Pinhole) -> None:
+def test_objects_are_projected_by_the_matrix(pinhole: Pinhole) -> None:
     """Pixel centers are whole numbers, the first row is the top one."""
     generator = np.random.default_rng(7)
     grid = np.array([(y, z) for y in np.arange(-1.2, 1.3, 0.3) for z in np.arange(0.4, 1.7, 0.3)])
@@ -157,7 +157,7 @@ def test_renderers_do_not_disturb_each_other() -> None:
     assert near.draw(AHEAD).depth_m[60, 80] == pytest.approx(3.0, abs=1e-4)
 
 
-def test_lamps_light_what_is_below_them() -> None:
+def test_lamps_light_surfaces_below() -> None:
     ceiling = box("ceiling", (10.0, 10.0, 0.2), (0.0, 0.0, 3.1))
     made = views.renderer(lit(FLOOR, ceiling, light=Lamps(at_m=((3.0, 0.0, 2.96),))))
     color = made.draw(views.looking((0.0, 0.0, 2.0), pitch_deg=45.0)).color
@@ -178,7 +178,7 @@ def test_a_longer_exposure_is_brighter_and_does_not_move_anything() -> None:
     assert np.array_equal(depths[0], depths[2])
 
 
-def test_fog_hides_what_is_far() -> None:
+def test_fog_hides_far_objects() -> None:
     wall = box("wall", (1.0, 40.0, 40.0), (20.5, 0.0, 1.0), "gray")
     contrast = []
     for visibility_m in (None, 40.0):
@@ -271,7 +271,7 @@ def test_the_same_bits_in_every_process_with_any_number_of_threads() -> None:
     assert len(hashes) == 1
 
 
-def test_what_is_not_in_view_is_not_drawn_and_nothing_else_is_missing(
+def test_culling_removes_only_invisible_objects(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     made = views.renderer(views.laboratory())

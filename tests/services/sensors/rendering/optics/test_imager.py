@@ -103,6 +103,6 @@ def test_brightness_is_exposure_by_gain(fields: dict[str, float], brightness: fl
         ({"readout_s": 0.01}, "poses"),
     ],
 )
-def test_what_does_not_go_together_is_refused(fields: dict[str, Any], problem: str) -> None:
+def test_conflicting_fields_are_refused(fields: dict[str, Any], problem: str) -> None:
     with pytest.raises(ValueError, match=problem):
         Imager(**fields)
