@@ -6,6 +6,8 @@ DURATION ?=
 REPORT ?=
 
 BIN := .venv/bin
+# Tests start hundreds of processes: none compiles again what another has compiled.
+PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
 READY := .venv/.ready
 SETUP_INPUTS := pyproject.toml udp-bridge/pyproject.toml setup.sh \
 	$(wildcard services/sensors/*/*.c udp-bridge/src/udp_bridge/io/native/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
@@ -28,20 +30,21 @@ test: setup ## run all tests that need no Docker engine, in three stages; a fail
 	@$(MAKE) --no-print-directory --keep-going test-units test-system test-alone
 
 test-units: setup ## run unit tests, import contracts, style and type checks
-	@$(BIN)/python -m pytest -m "not system and not stack" --numprocesses=auto --dist=loadfile
+	@$(PYTEST) -m "not system and not stack" --numprocesses=auto --dist=loadfile \
+		--no-loadscope-reorder
 
 environments: setup ## install third-party programs that tests of the experiments need
 	@flock .venv/.environments $(BIN)/python -m experiments --install yag-slam --install evo
 
 test-system: environments ## run tests of the running system, two at a time
-	@$(BIN)/python -m pytest -m "system and not alone and not stack" --durations=20 \
+	@$(PYTEST) -m "system and not alone and not stack" --durations=20 \
 		--numprocesses=2 --dist=loadfile
 
 test-alone: setup ## run tests that measure real-time rates, one at a time
-	@$(BIN)/python -m pytest -m "alone" --durations=20
+	@$(PYTEST) -m "alone" --durations=20
 
 test-stack: setup ## test the containers on a Docker engine
-	@$(BIN)/python -m pytest -m stack -rP --durations=5 tests/deploy
+	@$(PYTEST) -m stack -rP --durations=5 tests/deploy
 
 benchmarks: setup ## run the benchmarks with claims; fail if a claim does not hold
 	@$(BIN)/python -m benchmarks

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What all tests share: plugins, an asset store, and no deadline for generated examples."""
 
+import gc
 from collections.abc import Iterator
 
 import hypothesis
@@ -13,6 +14,25 @@ pytest_plugins = ["tests.strict_skips", "tests.machine_load"]
 # An example that takes long on a busy machine is not a wrong one.
 hypothesis.settings.register_profile("groundlink", deadline=None)
 hypothesis.settings.load_profile("groundlink")
+
+LONGEST = (
+    "tests/test_wheels.py",
+    "tests/bridge/test_fuzz.py",
+    "tests/benchmarks/test_bridge.py",
+    "tests/udp_bridge/cpp/",
+    "tests/udp_bridge/test_conversations.py",
+    "tests/udp_bridge/test_soak.py",
+)
+"""Begun first, so that at the end no worker is left alone with one of them."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: not item.nodeid.startswith(LONGEST))
+
+
+def pytest_collection_finish() -> None:
+    """Spare the garbage collector what was collected: it stays to the end."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)
