@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 from groundlink.loader import load
-from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Command
 from groundlink.scenario import Scenario
 from groundlink.scene.build import solids
@@ -24,7 +23,7 @@ from tools import scanned_room
 
 @pytest.fixture(scope="module")
 def room() -> Scenario:
-    return load(SHIPPED / "scanned_room.yaml")
+    return load("scanned_room")
 
 
 def parts(file: bytes) -> tuple[dict[str, Any], list[bytes]]:

@@ -10,34 +10,26 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 
-IN_A_TEST = "import pytest\ndef test_it():\n    pytest.skip('nothing here')\n"
-BY_A_MARK = """
+MODULES = {
+    "in_a_test": "import pytest\ndef test_it():\n    pytest.skip('nothing here')\n",
+    "by_a_mark": """
 import pytest
 @pytest.mark.skipif(True, reason='nothing here')
 def test_it():
     pass
-"""
-OF_A_MODULE = "import pytest\npytest.importorskip('no_such_module', reason='nothing here')\n"
-IN_A_FIXTURE = """
+""",
+    "of_a_module": "import pytest\npytest.importorskip('no_such_module', reason='nothing here')\n",
+    "in_a_fixture": """
 import pytest
 @pytest.fixture
 def lacking():
     pytest.skip('nothing here')
 def test_it(lacking):
     pass
-"""
-ALLOWED = (
-    "import pytest\ndef test_it():\n    "
-    "pytest.skip('the program would have to send billions before')\n"
-)
-EXPECTED_FAILURE = "import pytest\n@pytest.mark.xfail\ndef test_it():\n    assert False\n"
-MODULES = {
-    "in_a_test": IN_A_TEST,
-    "by_a_mark": BY_A_MARK,
-    "of_a_module": OF_A_MODULE,
-    "in_a_fixture": IN_A_FIXTURE,
-    "allowed": ALLOWED,
-    "expected_failure": EXPECTED_FAILURE,
+""",
+    "allowed": "import pytest\ndef test_it():\n    "
+    "pytest.skip('the program would have to send billions before')\n",
+    "expected_failure": "import pytest\n@pytest.mark.xfail\ndef test_it():\n    assert False\n",
 }
 FORBIDDEN = list(MODULES)[:4]
 

@@ -2,7 +2,6 @@
 """Who gets onto a bus that takes certificates, by trying; what each may say there is elsewhere."""
 
 import datetime
-import socket
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 from groundlink.bus import zenoh_config
 from groundlink.bus.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, VARIABLE, about_text
 from groundlink.bus.session import Bus, BusError
+from groundlink.cli.run.running import free_endpoint
 from groundlink.deploy.certificates import Authority
 
 NOW = datetime.datetime.now(datetime.UTC)
@@ -35,9 +35,7 @@ def authority() -> Authority:
 
 @pytest.fixture(scope="module")
 def endpoint(authority: Authority, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tls/127.0.0.1:{probe.getsockname()[1]}"
+    endpoint = free_endpoint().replace("tcp/", "tls/")
     with pytest.MonkeyPatch.context() as patched:
         folder = tmp_path_factory.mktemp("certified") / "router"
         patched.setenv(VARIABLE, write(folder, authority, "router"))

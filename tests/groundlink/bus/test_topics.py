@@ -10,7 +10,6 @@ from groundlink.bus import topics
 from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.topics import FROM_ROS, SENSOR_TOPICS, STREAM_TOPICS, TOPICS, process_names
 from groundlink.loader import load
-from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages import base as messages
 from groundlink.messages import ground_truth, navigation
 from groundlink.ros.cdr import ROS_CODECS
@@ -59,7 +58,7 @@ def test_every_kind_of_sensor_is_a_process_and_a_ros_message() -> None:
 
 
 def test_processes_of_the_shipped_scenario() -> None:
-    scenario = load(SHIPPED / "indoor_lab.yaml")
+    scenario = load("indoor_lab")
     assert process_names(scenario) == {
         "physics": "services.physics",
         "rover/lidar": "services.sensors.lidar",
@@ -73,7 +72,7 @@ def test_processes_of_the_shipped_scenario() -> None:
 
 
 def test_a_route_needs_a_driver() -> None:
-    tour = load(SHIPPED / "indoor_lab_tour.yaml")
+    tour = load("indoor_lab_tour")
     assert process_names(tour)["rover/driver"] == "services.driver"
 
 

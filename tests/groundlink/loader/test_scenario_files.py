@@ -291,13 +291,13 @@ def test_every_shipped_scenario_is_valid(file: Path) -> None:
 def test_the_laboratory_has_its_sensors_and_the_tour_a_route(
     name: str, more: list[str], drives: bool
 ) -> None:
-    scenario = load(SHIPPED / f"{name}.yaml")
+    scenario = load(name)
     assert scenario.sensor_names() == ["rover/lidar", "rover/imu", "rover/encoders", *more]
     assert (scenario.vehicles[0].route is not None) is drives
 
 
 def test_the_yard_is_valid_and_is_somewhere_on_the_earth() -> None:
-    scenario = load(SHIPPED / "yard.yaml")
+    scenario = load("yard")
     assert scenario.sensor_names()[:4] == [
         f"rover/{name}" for name in ("gnss", "gnss_cheap", "sonar", "tof")
     ]
@@ -306,7 +306,7 @@ def test_the_yard_is_valid_and_is_somewhere_on_the_earth() -> None:
 
 
 def test_a_route_of_its_own_is_a_file_or_a_figure(tmp_path: Path) -> None:
-    vehicle = load(SHIPPED / "indoor_lab.yaml").vehicles[0]
+    vehicle = load("indoor_lab").vehicles[0]
     assert load_route("figure_eight", vehicle) == FigureEight()
     file = tmp_path / "path.yaml"
     file.write_text("kind: circle\nradius_m: 2\n", encoding="utf-8")
@@ -326,14 +326,14 @@ def test_a_mistake_in_a_route_of_its_own(tmp_path: Path, content: str, words: li
     file = tmp_path / "path.yaml"
     file.write_text(content, encoding="utf-8")
     with pytest.raises(ScenarioError) as caught:
-        load_route(str(file), load(SHIPPED / "indoor_lab.yaml").vehicles[0])
+        load_route(str(file), load("indoor_lab").vehicles[0])
     for word in words:
         assert word in str(caught.value)
 
 
 def test_an_unknown_figure_is_answered_with_the_known_ones() -> None:
     with pytest.raises(ScenarioError, match="no figure `cirle`; did you mean `circle`"):
-        load_route("cirle", load(SHIPPED / "indoor_lab.yaml").vehicles[0])
+        load_route("cirle", load("indoor_lab").vehicles[0])
 
 
 def test_a_shipped_scenario_is_found_by_its_name_anywhere(

@@ -8,7 +8,6 @@ import pytest
 
 from groundlink.core.clock import NANOS
 from groundlink.messages.base import Imu
-from groundlink.messages.navigation import Transform, Transforms
 from groundlink.recording.comparison import (
     WAIT_NANOS,
     ComparedSpan,
@@ -20,7 +19,6 @@ from groundlink.recording.reader import RecordedMessage
 from groundlink.ros.cdr import to_cdr
 
 TYPE = "sensor_msgs/msg/Imu"
-TF_TYPE = "tf2_msgs/msg/TFMessage"
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 STEP = NANOS // 100
 ALL = ComparedSpan(0, 100 * NANOS, 0, 100 * NANOS)
@@ -160,10 +158,6 @@ def test_memory_does_not_grow_with_a_topic_that_never_comes() -> None:
     assert max(taken) <= WAIT_NANOS // step + 2
     found = {v.topic: v for v in comparison.verdicts()}
     assert (found["/gone"].missing, found["/imu"].equal) == (100, 100)
-
-
-def transform(nanos: int, child: str, x_m: float = 0.0) -> bytes:
-    return bytes(to_cdr(Transforms((Transform(nanos, "world", child, (x_m, 0.0, 0.0), UPRIGHT),))))
 
 
 @pytest.mark.parametrize("size", [0, 1, 2_000_000])

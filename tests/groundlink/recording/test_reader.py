@@ -8,7 +8,6 @@ from mcap.writer import Writer
 
 from groundlink.core.errors import UserError
 from groundlink.loader import load
-from groundlink.loader.scenario_files import SHIPPED
 from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries, run_facts
 from groundlink.recording.reader import Recording
 from groundlink.recording.ros_channels import RosFile
@@ -16,7 +15,7 @@ from groundlink.recording.ros_channels import RosFile
 
 def recording(path: Path, messages: int = 50) -> bytes:
     file = RosFile(path)
-    scenario = load(str(SHIPPED / "indoor_lab.yaml"))
+    scenario = load("indoor_lab")
     file.mcap.add_metadata(RUN_RECORD, run_entries(describe_run(scenario, "lab", 3)))
     topic = file.topic("/clock", "rosgraph_msgs/msg/Clock")
     for i in range(messages):
@@ -27,7 +26,7 @@ def recording(path: Path, messages: int = 50) -> bytes:
 
 
 def test_a_run_s_facts_survive_being_text() -> None:
-    before = describe_run(load(str(SHIPPED / "indoor_lab.yaml")), "lab", 1_700_000_000_123_456_789)
+    before = describe_run(load("indoor_lab"), "lab", 1_700_000_000_123_456_789)
     assert run_facts(run_entries(before)) == before
     assert before.versions["groundlink"]
     assert len(before.world_hash) > 12

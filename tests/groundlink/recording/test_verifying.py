@@ -21,7 +21,6 @@ from groundlink.episode.journal import (
     this_platform,
 )
 from groundlink.loader import load
-from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import BusMessage, Clock, Command, Imu, packed
 from groundlink.messages.missing_readings import Cause, MissingReadings, MissingSpan
 from groundlink.messages.navigation import JointState
@@ -247,7 +246,7 @@ def test_without_a_journal_commands_are_taken_at_their_stamps(
 
 
 def test_commands_of_joints_are_taken_again_as_those_of_the_vehicle(tmp_path: Path) -> None:
-    tank = load(SHIPPED / "outdoor_paper.yaml")
+    tank = load("outdoor_paper")
 
     def command(stamp_nanos: int) -> JointState:
         at, nothing = packed(np.array([0.5])), memoryview(b"")
@@ -316,7 +315,7 @@ def test_missing_readings_are_read_with_their_cause(lab: Scenario, tmp_path: Pat
 def test_accumulating_topics_after_gaps_may_differ(
     tmp_path: Path, missed_ticks: float, cause: Cause, expected: set[str]
 ) -> None:
-    tour = load(str(SHIPPED / "indoor_2d.yaml"))
+    tour = load("indoor_2d")
     (rover,) = tour.vehicles
     sensors = tuple(
         replace(sensor, missed_ticks=missed_ticks) if isinstance(sensor, Encoders) else sensor
@@ -338,7 +337,7 @@ def test_accumulating_topics_after_gaps_may_differ(
 def test_accumulating_topics_of_a_late_recording_may_differ(
     tmp_path: Path, mode: Literal["realtime", "fast"], expected: set[str]
 ) -> None:
-    tour = load(str(SHIPPED / "indoor_2d.yaml"))
+    tour = load("indoor_2d")
     tour = replace(tour, time=replace(tour.time, mode=mode))
     with record(tmp_path / "a.mcap", tour, [], begin_s=2.0) as recording:
         assert missing.accumulating_topics(recording).keys() == expected

@@ -11,7 +11,6 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.loader import load
-from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import BusMessage, Command, Health, Imu, StreamReport, packed
 from groundlink.messages.ground_truth import Contact, Vitals
 from groundlink.messages.imagery import CompressedImage, Image
@@ -86,7 +85,7 @@ def image(stamp: int) -> Image:
 
 def write(path: Path) -> Path:
     """Write the recording."""
-    lab = load(SHIPPED / "indoor_lab_tour.yaml")
+    lab = load("indoor_lab_tour")
     cameras = (
         Stream(name="camera", kind="image", topic="/camera/image", rate_hz=5.0),
         Stream(name="jpeg", kind="compressed_image", topic="/camera/jpeg", rate_hz=5.0),

@@ -28,7 +28,7 @@ SCENARIOS = sorted(path.stem for path in SHIPPED.glob("*.yaml"))
 
 @cache
 def shipped(name: str) -> Scenario:
-    return load(SHIPPED / f"{name}.yaml")
+    return load(name)
 
 
 def of(name: str, **tf: object) -> tuple[Scenario, list[Base]]:

@@ -10,7 +10,6 @@ import pytest
 
 from groundlink.core.frames import quaternion_from_rpy, transform
 from groundlink.loader import load
-from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.navigation import Text
 from groundlink.ros.base import Base
 from groundlink.ros.cdr import to_cdr
@@ -23,7 +22,7 @@ ROWS = [("indoor_lab", 0), ("indoor_paper", 0), ("outdoor_paper", 0), ("two_rove
 
 @cache
 def described(name: str, place: int) -> tuple[Vehicle, Element]:
-    scenario = load(SHIPPED / f"{name}.yaml")
+    scenario = load(name)
     vehicle = scenario.vehicles[place]
     return vehicle, ElementTree.fromstring(Base(scenario, vehicle, "r").description)
 
@@ -73,6 +72,6 @@ def test_a_wheel_lies_on_its_axle() -> None:
 
 
 def test_it_travels_as_a_string() -> None:
-    scenario = load(SHIPPED / "indoor_lab.yaml")
+    scenario = load("indoor_lab")
     text = Base(scenario, scenario.vehicles[0], "r").description
     assert text.encode() in bytes(to_cdr(Text(1, text)))

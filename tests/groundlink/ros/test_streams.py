@@ -10,7 +10,7 @@ from groundlink.ros.streams import outgoing, static_transforms
 
 
 def test_odometry_goes_out_and_its_frame_is_no_place_on_the_vehicle() -> None:
-    yard = load(SHIPPED / "yard.yaml")
+    yard = load("yard")
     odom = [s for s in outgoing(yard, "run") if s.topic == "/odom"]
     assert [(s.message, s.declared_hz, s.push) for s in odom] == [(Odometry, 50.0, True)]
     placed = static_transforms(yard, 0)
@@ -31,7 +31,7 @@ def test_all_that_joint_states_and_tf_are_made_of_is_carried() -> None:
 
 @pytest.mark.parametrize("block_deg", [0.0, 15.0])
 def test_a_cloud_in_blocks_says_of_which_lidar_it_is(block_deg: float) -> None:
-    lab = load(SHIPPED / "indoor_lab.yaml")
+    lab = load("indoor_lab")
     (rover,) = lab.vehicles
     lidar = replace(rover.sensors[0], block_deg=block_deg)
     rover = replace(rover, sensors=(lidar, *rover.sensors[1:]))

@@ -5,7 +5,6 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.loader import load
-from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
 from groundlink.scene.bodies import body_names, link_bodies
@@ -20,7 +19,7 @@ WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 @pytest.fixture(scope="module")
 def two() -> Scenario:
     """Two rovers of one model in the laboratory."""
-    lab = load(SHIPPED / "indoor_lab.yaml")
+    lab = load("indoor_lab")
     rover = lab.vehicles[0]
     second = replace(rover, name="second", placement=Placement(x_m=-2.6, yaw_deg=90.0))
     return replace(lab, vehicles=(rover, second))

@@ -32,7 +32,7 @@ BESIDE_M = 0.1
 
 @pytest.fixture(scope="module")
 def hamlet() -> Scenario:
-    return load(SHIPPED / "outdoor_paper.yaml")
+    return load("outdoor_paper")
 
 
 def ground_of(scenario: Scenario) -> Ground | None:

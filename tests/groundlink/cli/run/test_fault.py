@@ -5,37 +5,28 @@ import pytest
 
 from groundlink.cli.run.fault import parsed
 from groundlink.core.errors import UserError
-from groundlink.scenario.faults import (
-    Bias,
-    Delay,
-    Drift,
-    Fault,
-    OccludedSector,
-    Off,
-    Stuck,
-    TimeJump,
-)
+from groundlink.scenario import faults
 
 
 @pytest.mark.parametrize(
     ("words", "seconds", "fault"),
     [
-        ("off", None, Off()),
+        ("off", None, faults.Off()),
         ("clear", None, None),
-        ("stuck", 5.0, Stuck(for_s=5.0)),
-        ("bias value=0,0,0.5", 2.0, Bias(value=(0.0, 0.0, 0.5), for_s=2.0)),
-        ("bias value=-1 quantity=range", None, Bias(value=-1.0, quantity="range")),
-        ("drift per_s=1e-3", None, Drift(per_s=1e-3)),
-        ("delay delay_s=0.25", None, Delay(delay_s=0.25)),
-        ("time_jump offset_s=-2", None, TimeJump(offset_s=-2.0)),
+        ("stuck", 5.0, faults.Stuck(for_s=5.0)),
+        ("bias value=0,0,0.5", 2.0, faults.Bias(value=(0.0, 0.0, 0.5), for_s=2.0)),
+        ("bias value=-1 quantity=range", None, faults.Bias(value=-1.0, quantity="range")),
+        ("drift per_s=1e-3", None, faults.Drift(per_s=1e-3)),
+        ("delay delay_s=0.25", None, faults.Delay(delay_s=0.25)),
+        ("time_jump offset_s=-2", None, faults.TimeJump(offset_s=-2.0)),
         (
             "occluded_sector from_deg=-30 to_deg=45",
             1.0,
-            OccludedSector(from_deg=-30.0, to_deg=45.0, for_s=1.0),
+            faults.OccludedSector(from_deg=-30.0, to_deg=45.0, for_s=1.0),
         ),
     ],
 )
-def test_words_mean_a_fault(words: str, seconds: float | None, fault: Fault | None) -> None:
+def test_words_mean_a_fault(words: str, seconds: float | None, fault: faults.Fault | None) -> None:
     kind, *rest = words.split()
     assert parsed(kind, rest, seconds) == fault
 

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from groundlink.loader import load
-from groundlink.loader.scenario_files import SHIPPED
 from groundlink.report.analysis.plan import outlines
 from groundlink.scene.build import solids
 from groundlink.world.solids import Box, Cylinder, Shape, Solid
@@ -36,7 +35,7 @@ def test_an_outline_is_that_of_the_solid_counterclockwise(
 
 
 def test_floor_and_ceiling_are_left_out_and_low_things_come_first() -> None:
-    found = outlines(solids(load(SHIPPED / "indoor_lab.yaml")))
+    found = outlines(solids(load("indoor_lab")))
     names = {outline.name for outline in found}
     assert "table_0_top" in names
     assert "wall_north_whole" in names

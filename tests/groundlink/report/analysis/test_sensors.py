@@ -10,7 +10,6 @@ import pytest
 
 from groundlink.core.frames import quaternion_from_rpy, transform
 from groundlink.loader import load
-from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import POINT, PointCloud, packed
 from groundlink.messages.imagery import LaserScan
 from groundlink.report.analysis.sensors import (
@@ -100,7 +99,7 @@ def test_a_scan_has_its_angles() -> None:
 
 
 def test_what_has_a_plot() -> None:
-    scenario = load(SHIPPED / "yard.yaml")
+    scenario = load("yard")
     sensors = scenario.vehicles[0].sensors
     kinds = {s.name: type(readings_of(s, scenario.world.datum, 1.0)).__name__ for s in sensors}
     assert kinds["imu"] == "ImuSamples"
