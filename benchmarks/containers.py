@@ -209,7 +209,7 @@ def _by_kind(of: dict[str, list[float]], kind: str) -> float:
 
 _COLUMNS = (
     ("containers", "{containers}"),
-    ("well after", "{up_s:.0f} s"),
+    ("healthy after", "{up_s:.0f} s"),
     ("states and readings a second", "{messages_hz:,.0f}"),
     ("messages to ROS a second", "{to_ros_hz:,.0f}"),
     ("readings left out", "{left_out:.1%}"),

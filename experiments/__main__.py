@@ -31,7 +31,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--short", action="store_true", help="one seed, 12 s of driving, no limits")
     parser.add_argument("--seeds", type=int, default=3, metavar="N", help="runs each (3)")
     parser.add_argument("--out", type=Path, default=OUT, help="where all goes (%(default)s)")
-    parser.add_argument("--list", action="store_true", help="say what there is")
+    parser.add_argument("--list", action="store_true", help="list the experiments")
     parser.add_argument(
         "--install",
         action="append",

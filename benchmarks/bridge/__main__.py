@@ -43,7 +43,7 @@ def main(arguments: Sequence[str]) -> int:
     """Measure, print, draw."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bridge")
     parser.add_argument("--quick", action="store_true", help="few messages of fewer sizes")
-    parser.add_argument("--only", choices=PARTS, help="one part of it")
+    parser.add_argument("--only", choices=PARTS, help="measure one part only")
     parser.add_argument(
         "--rosbridge",
         metavar="PROGRAM",
@@ -51,7 +51,7 @@ def main(arguments: Sequence[str]) -> int:
         help="measure the latency of a real rosbridge beside: its rosbridge_websocket",
     )
     parser.add_argument("--figure", metavar="FILE", type=Path, help="draw the paper's Figure 9")
-    parser.add_argument("--json", metavar="FILE", type=Path, help="write what was measured")
+    parser.add_argument("--json", metavar="FILE", type=Path, help="write the results as JSON")
     add_options(parser)
     options = parser.parse_args(arguments)
     if options.figure is not None and options.only not in (None, "latency"):

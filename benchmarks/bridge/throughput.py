@@ -40,7 +40,7 @@ def run(quick: bool, folder: Path) -> BenchmarkResult:
             print(f"{size:9} {columns} {share:7.2f}  {rounds} x {count}", flush=True)
             rows.append({"bytes": size, "sent": (rounds + 1) * count, "delivered": sent})
             claims.append(Claim(f"{size} bytes, of the C program's throughput", share, LEAST_SHARE))
-        print(f"{'':9} all in all {summary.delivered} of {summary.sent} delivered, as reported")
+        print(f"{'':9} total: {summary.delivered} of {summary.sent} delivered, as reported")
     return BenchmarkResult(rows, claims)
 
 

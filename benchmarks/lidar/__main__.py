@@ -246,7 +246,7 @@ def main(arguments: Sequence[str]) -> int:
     """Measure, print, and with --check compare."""
     parser = argparse.ArgumentParser(prog="benchmarks.lidar", description=__doc__)
     add_options(parser)
-    parser.add_argument("--only", choices=PARTS, help="one part of it")
+    parser.add_argument("--only", choices=PARTS, help="measure one part only")
     parser.add_argument(
         "--scenario", type=Path, default=SHIPPED / "indoor_lab.yaml", help="of `room`"
     )

@@ -217,11 +217,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.loss")
     parser.add_argument("--messages", type=int, default=1000, help="of each row (1000)")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--mode", choices=MODES, help="this one alone")
-    parser.add_argument("--loss", type=float, help="this one alone")
-    parser.add_argument("--parts", type=int, help="messages of so many parts alone")
-    parser.add_argument("--datagram", help="this size alone")
-    parser.add_argument("--promised", action="store_true", help="rows with a promise alone")
+    parser.add_argument("--mode", choices=MODES, help="measure this mode only")
+    parser.add_argument("--loss", type=float, help="measure this loss only")
+    parser.add_argument("--parts", type=int, help="measure messages of this many parts only")
+    parser.add_argument("--datagram", help="measure this datagram size only")
+    parser.add_argument(
+        "--promised", action="store_true", help="measure only rows with a documented claim"
+    )
     parser.add_argument("--large", action="store_true", help="64 parts of large datagrams instead")
     arguments = parser.parse_args()
     wanted = {

@@ -195,7 +195,7 @@ class Soak:
         asked = counts.sent + counts.superseded
         self._expect(
             counts,
-            "no more sent than asked for",
+            "sends only what was requested",
             max(asked, self.reference.sent[key]),
             self.reference.sent[key],
         )

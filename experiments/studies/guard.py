@@ -89,8 +89,8 @@ def guard(options: ExperimentOptions) -> Sequence[Evaluation]:
         quantities = direct(recording, bag)
         rows += [(name, quantity) for quantity in quantities]
         found += [f"{q.words}: {q.value:.3g}" for q in quantities if not q.holds]
-        options.console.print(f"guard: {fault.words}: found by {'; '.join(found) or 'nobody'}")
-        finders.append((fault.words, "; ".join(found) or "nobody"))
+        options.console.print(f"guard: {fault.words}: found by {'; '.join(found) or 'no check'}")
+        finders.append((fault.words, "; ".join(found) or "no check"))
         if not found:
             missed.append(fault.words)
         bag.unlink()

@@ -121,7 +121,9 @@ def _run(
         if supervisor.returncode:
             raise UserError(f"{label}: the run failed; see {folder / 'up.log'}")
     told = last_json(folder / "node.log")
-    options.console.print(f"{label}: {told}; {len(poses)} poses and {len(maps)} maps came back")
+    options.console.print(
+        f"{label}: {told}; {len(poses)} poses and {len(maps)} maps arrived on the bus"
+    )
     if told["late"] or not len(poses) or not len(maps):
         raise UserError(
             f"{label}: the node did not keep up, or published no pose or map; see {folder}"

@@ -89,7 +89,7 @@ def _pieces(file: Path, suffix: str, folder: Path, warn: Warn) -> Iterator[MeshP
 
     scene, lacking = _scene(file, suffix, folder)
     for problem in dict.fromkeys(lacking):
-        warn(f"{file}: {problem}; what it holds is left out")
+        warn(f"{file}: {problem}; its content is ignored")
     pictures = _Pictures(file, warn)
     faces_so_far = 0
     for name, scene_from_part in _placed(scene):

@@ -22,7 +22,7 @@ def text(title: str, monitor: RunMonitor, *, shown: str) -> str:
     pace = "" if factor is None else f" · {factor:.2f} x real time"
     faults = monitor.faults(needs_reports=False) if monitor.streams else []
     if not monitor.streams:
-        verdict = "The gateway has not told yet what arrives in ROS."
+        verdict = "No delivery report from ROS yet."
     elif faults:
         verdict = "**Not kept:** " + "; ".join(faults)
     elif not monitor.is_reported:

@@ -96,7 +96,7 @@ def test_a_gateway_that_fell_silent_is_asked_where_no_other_is_there() -> None:
 
 def test_where_there_was_never_a_gateway() -> None:
     gateway = Gateway(paused)
-    with pytest.raises(CommandFailed, match="no gateway was heard yet"):
+    with pytest.raises(CommandFailed, match="no gateway found"):
         gateway.client.call(PAUSE)
     assert gateway.commands == []
 
@@ -113,7 +113,7 @@ def test_which_of_two_gateways_is_not_guessed() -> None:
     gateway = Gateway(paused)
     gateway.client.gateway_seen(OTHER)
     gateway.client.gateway_seen(GATEWAY)
-    with pytest.raises(CommandFailed, match=r"127\.0\.0\.1:7510, 127\.0\.0\.1:7520; name one"):
+    with pytest.raises(CommandFailed, match=r"127\.0\.0\.1:7510, 127\.0\.0\.1:7520. Fix: name one"):
         gateway.client.call(PAUSE)
     assert gateway.commands == []
 

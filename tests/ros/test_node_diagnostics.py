@@ -44,7 +44,7 @@ def test_a_loss_is_warned_of_once_and_named() -> None:
     lost = arriving(verdicts, numbers=10, published=6, incomplete=1, late=1, dropped=1)
     assert (lost.level, lost.message) == (
         WARN,
-        "4 lost; in all 1 missing, 1 incomplete, 1 late, 1 dropped",
+        "4 lost; total: 1 missing, 1 incomplete, 1 late, 1 dropped",
     )
     assert arriving(verdicts, numbers=11, published=7, incomplete=1, late=1, dropped=1).level == OK
 
@@ -59,7 +59,7 @@ def test_a_subscriber_that_does_not_take_its_messages_is_named() -> None:
 
     assert said({}).level == OK
     warned = said({"/slow": 3})
-    assert (warned.level, warned.message) == (WARN, "3 lost; in all 3 not taken by /slow")
+    assert (warned.level, warned.message) == (WARN, "3 lost; total: 3 not taken by /slow")
     assert (warned.values["not taken by /slow"], warned.values["delivered"]) == ("3", "9")
     assert said({"/slow": 3}).level == OK
     assert said({}).level == OK, "it has gone"
@@ -132,7 +132,7 @@ def outgoing(*reported: str) -> dict[str, tuple[int, str, str, str]]:
 def test_what_a_peer_never_reports_is_not_lost() -> None:
     unknown = OK, "not reported", "0", "10"
     assert outgoing() == {"/cmd_vel": unknown, "/pose": unknown}
-    lost = WARN, "9 lost; in all 9 missing", "9", "1"
+    lost = WARN, "9 lost; total: 9 missing", "9", "1"
     assert outgoing("/pose") == {"/cmd_vel": lost, "/pose": lost}
 
 

@@ -87,7 +87,7 @@ def test_without_a_gateway_it_says_so(ros: Ros) -> None:
     with calling(ros) as caller:
         is_done, said = caller.trigger("pause")
     assert not is_done
-    assert said.startswith("no gateway was heard yet")
+    assert said.startswith("no gateway found")
 
 
 def test_of_two_gateways_the_peer_is_told(ros: Ros) -> None:

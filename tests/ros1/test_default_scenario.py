@@ -84,7 +84,7 @@ def test_a_user_of_ros_1_sees_and_drives_the_rover(ros1: Ros1, tmp_path: Path) -
         assert node.end(signal.SIGINT) == 0
         assert time.monotonic() - begun_s < 3, "Ctrl-C is to end it at once"
         # Of the clock a newer message may push out the one before; of the others none is missing.
-        assert "lost on the way 0, dropped" in node.output
+        assert "lost 0, superseded" in node.output
         assert "refused 0" in node.output
 
 

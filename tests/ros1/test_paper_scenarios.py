@@ -146,7 +146,7 @@ def test_all_of_it_is_in_both_and_the_same(name: str, ros1: Ros1, ros: Ros, tmp_
         one_tree(looks, base_of="odom" if "/odom" in rows else "map")
         it.stop()
         assert node.end() == 0
-        assert "lost on the way 0," in node.output
+        assert "lost 0," in node.output
         assert "refused 0" in node.output
     with rig(tmp_path) as it:
         it.scenario.write_text(text_of(name, it.address(it.bind), it.address(it.peer)))
@@ -160,7 +160,7 @@ def test_all_of_it_is_in_both_and_the_same(name: str, ros1: Ros1, ros: Ros, tmp_
         clouds["ROS 2"] = check(ears, rows, frames)
         it.stop()
         assert node.end() == 0
-        assert "lost on the way 0," in node.output
+        assert "lost 0," in node.output
         assert "refused 0" in node.output
     if name == "outdoor_paper":
         clouds["MCAP"] = of_recording(recording)

@@ -267,7 +267,7 @@ def _tree(
     for joint in joints:
         if (first := carriers.setdefault(joint.child, joint)) is not joint:
             raise joint.element.mistake(
-                f"`{joint.child}` hangs on `{first.name}` as well; a link has one parent: "
+                f"`{joint.child}` has a second parent joint `{first.name}`; expected one parent: "
                 "take one of the joints out"
             )
     roots = [link for link in links if link not in carriers]

@@ -40,7 +40,7 @@ def test_a_rate_that_is_not_kept_stands_out() -> None:
 
 def test_before_the_gateway_has_spoken_nothing_is_claimed() -> None:
     said = link_panel.text("lab", RunMonitor(), shown="")
-    assert "The gateway has not told yet" in said
+    assert "No delivery report from ROS yet" in said
 
 
 def test_a_topic_has_a_line_in_each_direction() -> None:

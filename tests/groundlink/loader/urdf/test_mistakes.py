@@ -68,7 +68,7 @@ MISTAKES = {
     "two parents": (
         JOINTS,
         JOINTS + BACK.format("left_wheel"),
-        ['<joint name="back">', "`left_wheel` hangs on `left_wheel_joint` as well"],
+        ['<joint name="back">', "`left_wheel` has a second parent joint `left_wheel_joint`"],
     ),
     "unknown link": (
         '<child link="mast"/>',

@@ -159,8 +159,8 @@ class BridgeNode:
         refused += sum(counts["refused"].values()) + self._queue.refused
         self._log.info(
             f"{self._queue.published} messages published on {self._queue.topic_count} topics, "
-            f"{self._subscriptions.sent} sent back; lost on the way {counts['missing']}, "
-            f"dropped for newer ones {self._queue.dropped}, refused {refused}"
+            f"{self._subscriptions.sent} sent back; lost {counts['missing']}, "
+            f"superseded {self._queue.dropped}, refused {refused}"
         )
 
     def _take(self, message: Message, sender: Address) -> None:

@@ -119,13 +119,13 @@ class RunCommandClient:
             time.sleep(REPEAT_S)
         else:
             raise CommandFailed(
-                "no gateway was heard yet; is its run under way, and does it send here?"
+                "no gateway found. Fix: start the run, and check that its gateway sends here"
             )
         present = [address for address, _ in self._present(self._now_nanos())]
         if len(present) > 1:
             raise CommandFailed(
-                f"gateways are heard at {', '.join(map(_text, sorted(present)))}; "
-                "name one by the parameter `peer`"
+                f"several gateways: {', '.join(map(_text, sorted(present)))}. "
+                "Fix: name one with the parameter `peer`"
             )
         if present:
             return present[0]

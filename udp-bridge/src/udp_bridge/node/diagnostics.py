@@ -175,12 +175,14 @@ class NodeDiagnostics:
         if more > 0:
             problems.append(f"{more} datagrams refused, dropped by the kernel, or failed")
         if is_small:
-            problems.append(f"the receive buffer has only {receive_buffer} bytes: {BUFFER_HINT}")
+            problems.append(
+                f"the receive buffer has only {receive_buffer} bytes. Fix: {BUFFER_HINT}"
+            )
         level = WARN if problems else OK
         if counts["deaf"]:
             level = ERROR
             problems.append("the receiving thread does not respond; restart the node")
-        return StatusRow(level, "link", "; ".join(problems) or "well", values)
+        return StatusRow(level, "link", "; ".join(problems) or "receiving", values)
 
     def _row(
         self,
@@ -200,8 +202,8 @@ class NodeDiagnostics:
             return StatusRow(STALE, topic, f"nothing for {seconds:.0f} s", values)
         if lost > before.lost:
             named = ", ".join(f"{count} {name}" for name, count in causes.items() if count)
-            return StatusRow(WARN, topic, f"{lost - before.lost} lost; in all {named}", values)
-        return StatusRow(OK, topic, "all arrives", values)
+            return StatusRow(WARN, topic, f"{lost - before.lost} lost; total: {named}", values)
+        return StatusRow(OK, topic, "no losses", values)
 
     def _last(self, key: Tuple[str, ...]) -> _Last:
         return self._previous.get(key, _Last())

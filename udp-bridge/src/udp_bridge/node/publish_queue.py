@@ -302,7 +302,7 @@ class PublishQueue:
         publication, channel.publication = channel.publication, None
         if publication is not None:
             publication.end()
-            self._log.info(f"{channel.topic}: no longer published: its place was given to another")
+            self._log.info(f"{channel.topic}: no longer published: replaced by another topic")
 
     def _run(self) -> None:
         while (turn := self._turn.get()) is not None and not self._is_closed:

@@ -89,7 +89,9 @@ class RunControl:
             raise CommandFailed(f"{ticks} steps: expected 1 to {MAX_TICKS}")
         before = self.state()
         if not is_paused(before):
-            raise CommandFailed(f"the run is not paused but {describe(before)}; pause it first")
+            raise CommandFailed(
+                f"the run is not paused but {describe(before)}. Fix: pause it first"
+            )
         now = self._client.call(STEP, ticks)
         tick, since = before.tick, time.monotonic()
         while not is_paused(now) and now.tick <= before.tick + ticks:

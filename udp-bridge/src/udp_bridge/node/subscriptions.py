@@ -233,7 +233,7 @@ class LeasedSubscriptions:
         slot = given_back(slots, sender[0], now_nanos / NANOS, idle_s=IDLE_S)
         if slot is not None:
             for peer in list(self._leases[slot.key]):
-                self._end(slot.key, peer, "its place was given to another")
+                self._end(slot.key, peer, "replaced by another subscription")
         return slot is not None
 
     def _subscribe(self, row: MessageType, topic: str, sender: Address, now_nanos: int) -> str:
@@ -247,7 +247,7 @@ class LeasedSubscriptions:
         try:
             if row.number == TYPED:
                 if not (ros_type := self._ros.type_of(topic)):
-                    return "it has no publisher, so its type is not known yet"
+                    return "no publisher, so its type is not known yet"
                 row = row._replace(ros_type=ros_type)
                 self._prefixes[key] = typed_prefix(ros_type)
             self._subscriptions[key] = self._ros.subscribe(row, topic, partial(self._take, key))

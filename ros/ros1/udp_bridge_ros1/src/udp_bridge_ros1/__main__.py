@@ -60,7 +60,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         _say("roscore was restarted. Fix: start this node again")
     elif not signals:
         _say("another node took this node's name. Fix: give one of them another by __name:=NAME")
-    rospy.signal_shutdown("it was told to")
+    rospy.signal_shutdown("signal received")
     return 0 if signals else 1
 
 

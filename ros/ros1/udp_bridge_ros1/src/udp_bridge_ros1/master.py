@@ -23,7 +23,7 @@ def wait_for_master(is_over: Callable[[], bool], say: Callable[[str], object]) -
         if rosgraph.is_master_online():
             return True
         if not has_said:
-            say(f"waits for roscore at {rosgraph.get_master_uri()} (ROS_MASTER_URI)")
+            say(f"waiting for roscore at {rosgraph.get_master_uri()} (ROS_MASTER_URI)")
             has_said = True
         pause.wait(0.1)
     return False
