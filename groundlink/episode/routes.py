@@ -11,15 +11,7 @@ from math import cos, pi, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.scenario.route import (
-    Circle,
-    FigureEight,
-    Route,
-    Side,
-    Square,
-    ThereAndBack,
-    Waypoints,
-)
+from groundlink.scenario import route as specs
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +38,7 @@ class Line:
         return float(np.linalg.norm(np.diff(self.points_m, axis=0), axis=1).sum())
 
 
-def line(route: Route, *, start_m: tuple[float, float], heading_rad: float) -> Line:
+def line(route: specs.Route, *, start_m: tuple[float, float], heading_rad: float) -> Line:
     """Return all laps of a route as one line, from the position of a vehicle.
 
     Parameters
@@ -56,7 +48,7 @@ def line(route: Route, *, start_m: tuple[float, float], heading_rad: float) -> L
     heading_rad
         its yaw; 0 is east.
     """
-    if isinstance(route, Waypoints):
+    if isinstance(route, specs.Waypoints):
         return _through(route, np.array(start_m))
     lap = _figure(route)
     turn = np.array([[cos(heading_rad), -sin(heading_rad)], [sin(heading_rad), cos(heading_rad)]])
@@ -64,7 +56,7 @@ def line(route: Route, *, start_m: tuple[float, float], heading_rad: float) -> L
     return _joined(laps @ turn.T + start_m, np.full(len(laps) - 1, route.speed_mps))
 
 
-def _through(route: Waypoints, start_m: Floats) -> Line:
+def _through(route: specs.Waypoints, start_m: Floats) -> Line:
     points = [[point.x_m, point.y_m] for point in route.points]
     speeds = [point.speed_mps or route.speed_mps for point in route.points]
     if route.closed:
@@ -84,27 +76,27 @@ def _joined(points: Floats, speeds: Floats) -> Line:
     return Line(points[np.concatenate([[True], moves])], speeds[moves])
 
 
-def _figure(route: Circle | FigureEight | Square | ThereAndBack) -> Floats:
+def _figure(route: specs.Circle | specs.FigureEight | specs.Square | specs.ThereAndBack) -> Floats:
     """Return one lap in the vehicle's initial frame: x forward, y left."""
     match route:
-        case Circle():
+        case specs.Circle():
             return _circle(route.radius_m, route.turn)
-        case FigureEight():
-            other: Side = "right" if route.turn == "left" else "left"
+        case specs.FigureEight():
+            other: specs.Side = "right" if route.turn == "left" else "left"
             return np.vstack(
                 [_circle(route.radius_m, route.turn), _circle(route.radius_m, other)[1:]]
             )
-        case Square():
+        case specs.Square():
             corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) * route.side_m
             return corners * (1.0, _sign(route.turn))
-        case ThereAndBack():
+        case specs.ThereAndBack():
             return np.array([[0.0, 0.0], [route.length_m, 0.0], [0.0, 0.0]])
 
 
-def _circle(radius_m: float, turn: Side) -> Floats:
+def _circle(radius_m: float, turn: specs.Side) -> Floats:
     angle = np.linspace(0.0, 2 * pi, STEPS + 1)
     return radius_m * np.stack([np.sin(angle), _sign(turn) * (1 - np.cos(angle))], axis=-1)
 
 
-def _sign(turn: Side) -> float:
+def _sign(turn: specs.Side) -> float:
     return 1.0 if turn == "left" else -1.0

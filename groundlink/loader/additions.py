@@ -17,15 +17,7 @@ from groundlink.core.fields import Vector3
 from groundlink.core.frames import matrix_from_quaternion, multiply
 from groundlink.importing.file_errors import Warn, ignore_warning
 from groundlink.scenario.schema import Addition, Placement, Scenario, World
-from groundlink.world.actors import (
-    Actor,
-    CrateForm,
-    FreeMotion,
-    HingeMotion,
-    PathMotion,
-    PersonForm,
-    form_solids,
-)
+from groundlink.world import actors
 from groundlink.world.solids import Box, Cylinder, Material, Solid
 from groundlink.world.terrain import Ground
 
@@ -41,11 +33,11 @@ _MATERIALS = {
 }
 _CUBE = Solid("box", Box(size_m=(0.5, 0.5, 0.5)), "cardboard", (0.0, 0.0, 0.25))
 _DRUM = Solid("barrel", Cylinder(radius_m=0.29, length_m=0.88), "steel", (0.0, 0.0, 0.44))
-_FIGURE = form_solids(PersonForm(shirt="cloth", trousers="denim", skin="skin"))
-_CRATE = Actor(
+_FIGURE = actors.form_solids(actors.PersonForm(shirt="cloth", trousers="denim", skin="skin"))
+_CRATE = actors.Actor(
     name="crate",
-    form=CrateForm(material="cardboard"),
-    motion=FreeMotion(at_m=(0.0, 0.0, 0.0), mass_kg=10.0),
+    form=actors.CrateForm(material="cardboard"),
+    motion=actors.FreeMotion(at_m=(0.0, 0.0, 0.0), mass_kg=10.0),
 )
 
 KINDS: dict[str, Addition] = {
@@ -171,12 +163,12 @@ def _placed(more: Addition, at: SpawnPlace, ground: Ground | None) -> Addition:
         x, y, z = (rotation @ np.array(point) + at[:3]).tolist()
         return x, y, z + above_m
 
-    def moved(actor: Actor) -> Actor:
+    def moved(actor: actors.Actor) -> actors.Actor:
         motion = actor.motion
-        if isinstance(motion, PathMotion):
+        if isinstance(motion, actors.PathMotion):
             points = tuple(put((*point, 0.0))[:2] for point in motion.points_m)
             return replace(actor, motion=replace(motion, points_m=points, z_m=motion.z_m + at.z_m))
-        assert isinstance(motion, FreeMotion | HingeMotion)
+        assert isinstance(motion, actors.FreeMotion | actors.HingeMotion)
         yaw_deg = motion.yaw_deg + at.yaw_deg
         return replace(actor, motion=replace(motion, at_m=put(motion.at_m), yaw_deg=yaw_deg))
 

@@ -20,17 +20,7 @@ from groundlink.core.errors import UserError
 from groundlink.episode.journal import Journal, loaded
 from groundlink.scenario import Scenario
 
-from .metadata import (
-    DROPPED_RECORD,
-    END_RECORD,
-    JOURNAL_ATTACHMENT,
-    RUN_RECORD,
-    TOPICS_RECORD,
-    RunFacts,
-    TopicFacts,
-    run_facts,
-    topic_facts,
-)
+from . import metadata
 
 
 class RecordedMessage(NamedTuple):
@@ -75,20 +65,22 @@ class Recording:
         self._reader = SeekingReader(self._file)
         summary = self._reader.get_summary()
         records = {record.name: record.metadata for record in self._reader.iter_metadata()}
-        if summary is None or summary.statistics is None or RUN_RECORD not in records:
+        if summary is None or summary.statistics is None or metadata.RUN_RECORD not in records:
             raise UserError(
                 f"{self.path}: an MCAP file without a run; expected a file of `groundlink record`"
             )
-        self.run: RunFacts = run_facts(records[RUN_RECORD])
-        self.topics: dict[str, TopicFacts] = topic_facts(records.get(TOPICS_RECORD, {}))
+        self.run: metadata.RunFacts = metadata.run_facts(records[metadata.RUN_RECORD])
+        self.topics: dict[str, metadata.TopicFacts] = metadata.topic_facts(
+            records.get(metadata.TOPICS_RECORD, {})
+        )
         """Statistics by topic, as counted by the recorder."""
 
-        end = records.get(END_RECORD)
+        end = records.get(metadata.END_RECORD)
         self.end_nanos: int | None = None if end is None else int(end["nanos"])
         """The recording is complete up to this stamp; None if it was ended early."""
 
         self.dropped: dict[str, int] = {
-            topic: int(count) for topic, count in records.get(DROPPED_RECORD, {}).items()
+            topic: int(count) for topic, count in records.get(metadata.DROPPED_RECORD, {}).items()
         }
         """Messages dropped by the recorder, by topic."""
 
@@ -122,7 +114,7 @@ class Recording:
         """
         found: Journal | None = None
         for attachment in self._reader.iter_attachments():
-            if attachment.name == JOURNAL_ATTACHMENT:
+            if attachment.name == metadata.JOURNAL_ATTACHMENT:
                 part = loaded(attachment.data, str(self.path))
                 found = part if found is None else found.followed_by(part)
         return found

@@ -11,15 +11,8 @@ from pathlib import Path
 from groundlink import __version__
 from groundlink.ros.types import DEFINITION_ENCODING, MESSAGE_ENCODING, definition
 
+from . import metadata
 from .mcap_file import McapFile
-from .metadata import (
-    DROPPED_RECORD,
-    END_RECORD,
-    JOURNAL_ATTACHMENT,
-    TOPICS_RECORD,
-    TopicFacts,
-    topic_entries,
-)
 
 PROFILE = "ros2"
 
@@ -104,7 +97,7 @@ class RosFile:
             when it cannot be written.
         """
         topics = {
-            topic.name: TopicFacts(
+            topic.name: metadata.TopicFacts(
                 type=topic.ros_type,
                 messages=topic.messages,
                 first_nanos=topic.first_nanos,
@@ -113,20 +106,22 @@ class RosFile:
             )
             for topic in self.topics()
         }
-        self.mcap.commit(TOPICS_RECORD, topic_entries(topics))
+        self.mcap.commit(metadata.TOPICS_RECORD, metadata.topic_entries(topics))
 
     def add_journal(self, nanos: int, part: bytes) -> None:
         """Attach a part of the run's journal."""
-        self.mcap.add_attachment(JOURNAL_ATTACHMENT, "application/octet-stream", nanos, part)
+        self.mcap.add_attachment(
+            metadata.JOURNAL_ATTACHMENT, "application/octet-stream", nanos, part
+        )
 
     def end(self, nanos: int) -> None:
         """Record that the file is complete up to a stamp."""
-        self.mcap.add_metadata(END_RECORD, {"nanos": str(nanos)})
+        self.mcap.add_metadata(metadata.END_RECORD, {"nanos": str(nanos)})
 
     def lacks(self, dropped: Mapping[str, int]) -> None:
         """Record the number of dropped messages of each topic."""
         entries = {topic: str(count) for topic, count in dropped.items()}
-        self.mcap.add_metadata(DROPPED_RECORD, entries)
+        self.mcap.add_metadata(metadata.DROPPED_RECORD, entries)
 
     def close(self) -> None:
         """Close the file as the last commit left it."""

@@ -12,15 +12,8 @@ from msgspec.structs import replace
 from groundlink.bus.topics import sensor_outputs
 from groundlink.core.clock import NANOS, TICK_NANOS, TICK_RATE_HZ, Schedule
 from groundlink.core.errors import UserError
+from groundlink.episode import journal as journals
 from groundlink.episode.fault_messages import Faults
-from groundlink.episode.journal import (
-    Commanded,
-    JointsCommanded,
-    Journal,
-    WorldChanged,
-    encode_entry,
-    this_platform,
-)
 from groundlink.messages.base import Command
 from groundlink.messages.navigation import JointState
 from groundlink.ros.base import made_topics
@@ -175,7 +168,7 @@ def _merged(known: tuple[Fault, ...], reports: Iterator[Faults]) -> tuple[Fault,
     return known
 
 
-def replay_journal(recording: Recording, scenario: Scenario) -> Journal:
+def replay_journal(recording: Recording, scenario: Scenario) -> journals.Journal:
     """Return the journal that repeats the recorded run with a scenario."""
     changed = live_faults(recording)
     vehicles = tuple(
@@ -195,7 +188,7 @@ def replay_journal(recording: Recording, scenario: Scenario) -> Journal:
     return replace(journal, scenario=again, acks={}, tick=ENDLESS_TICK)
 
 
-def _guessed(recording: Recording) -> Journal:
+def _guessed(recording: Recording) -> journals.Journal:
     """Return a journal with each command applied at its stamp, as in fast runs."""
     run, entries = recording.run, []
     streams = {s.topic: s for s in incoming(run.scenario, run.run) if s.is_command}
@@ -207,12 +200,12 @@ def _guessed(recording: Recording) -> Journal:
         if stream.message is JointState:
             joints = from_cdr(recorded.cdr, JointState, Moment(nanos, 0))
             joints = replace(joints, stamp_nanos=nanos)
-            entries.append(encode_entry(JointsCommanded(tick, vehicle, joints)))
+            entries.append(journals.encode_entry(journals.JointsCommanded(tick, vehicle, joints)))
         else:
             command = from_cdr(recorded.cdr, Command, Moment(nanos, 0))
-            entries.append(encode_entry(Commanded(tick, vehicle, command)))
-    return Journal(
-        made_on=this_platform(),
+            entries.append(journals.encode_entry(journals.Commanded(tick, vehicle, command)))
+    return journals.Journal(
+        made_on=journals.this_platform(),
         run=run.run,
         episode=0,
         epoch_nanos=run.epoch_nanos,
@@ -245,7 +238,9 @@ def caveats(recording: Recording, scenario: Scenario, extent: ComparedSpan) -> I
     if world_hash(then) != world_hash(scenario):
         yield "world hash differs: most messages may differ"
     if then.world != run.scenario.world:
-        changes = journal and any(isinstance(entry, WorldChanged) for entry in journal.read())
+        changes = journal and any(
+            isinstance(entry, journals.WorldChanged) for entry in journal.read()
+        )
         yield "the world had been changed before the recording began; " + (
             "the journal repeats the changes"
             if changes
@@ -253,7 +248,7 @@ def caveats(recording: Recording, scenario: Scenario, extent: ComparedSpan) -> I
         )
     here = versions()
     others = [f"{name} {v}" for name, v in run.versions.items() if here.get(name) != v]
-    if journal and journal.made_on.processor != this_platform().processor:
+    if journal and journal.made_on.processor != journals.this_platform().processor:
         others.insert(0, journal.made_on.processor)
     if others:
         yield f"recorded with {', '.join(others)}; last digits may differ on this host"

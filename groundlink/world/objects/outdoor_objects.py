@@ -14,21 +14,8 @@ from typing import Any
 from groundlink.core.fields import Vector3
 from groundlink.world.solids import Solid
 
+from . import outdoor_specs as specs
 from .local_frame import LocalFrame, cos_sin
-from .outdoor_specs import (
-    POST_M,
-    Bale,
-    Bush,
-    Crate,
-    Fence,
-    House,
-    Lamp,
-    OutdoorObject,
-    PlacedObject,
-    Pole,
-    Rock,
-    Tree,
-)
 
 FOOTING_M = 0.35
 """Height of a house's footing above the ground, and its depth below."""
@@ -87,16 +74,16 @@ ROCK = (((1.5, 1.1, 0.8), (0.0, 12.0, 9.0)), ((1.0, 1.2, 1.0), (40.0, -14.0, 17.
 """Size of each block in multiples of the height, and its yaw, roll and pitch in degrees."""
 
 
-def build_outdoor_object(index: int, thing: OutdoorObject) -> list[Solid]:
+def build_outdoor_object(index: int, thing: specs.OutdoorObject) -> list[Solid]:
     """Return the solids of an outdoor object, named `<kind>_<index>_<part>`."""
     name = f"{thing.__struct_config__.tag}_{index}"
-    if isinstance(thing, Fence):
+    if isinstance(thing, specs.Fence):
         return list(_fence(name, thing))
     frame = LocalFrame(name, *thing.at_m, thing.z_m or 0.0, thing.yaw_deg)
     return list(BUILDERS[type(thing)](frame, thing))
 
 
-def _house(frame: LocalFrame, house: House) -> Iterator[Solid]:
+def _house(frame: LocalFrame, house: specs.House) -> Iterator[Solid]:
     length, width, eaves = house.size_m
     footing = (length + 0.2, width + 0.2, 2 * FOOTING_M)
     yield frame.box("footing", footing, (0, 0, 0), house.footing_material)
@@ -119,7 +106,7 @@ def _house(frame: LocalFrame, house: House) -> Iterator[Solid]:
         yield from _windows(frame, house)
 
 
-def _roof(frame: LocalFrame, house: House) -> Iterator[Solid]:
+def _roof(frame: LocalFrame, house: specs.House) -> Iterator[Solid]:
     """Yield two slabs, and below each a beam as thick as the attic, which forms half of the gables.
 
     Up to 45 degrees the beams stay within slabs and walls.
@@ -148,7 +135,7 @@ def _roof(frame: LocalFrame, house: House) -> Iterator[Solid]:
         yield frame.box("chimney", (0.6, 0.6, top - eaves), at, house.chimney_material)
 
 
-def _windows(frame: LocalFrame, house: House) -> Iterator[Solid]:
+def _windows(frame: LocalFrame, house: specs.House) -> Iterator[Solid]:
     """Yield rows of windows (frame, pane, bar) along all four walls, except at the door."""
     length, width, eaves = house.size_m
     wide, high = WINDOW_M
@@ -170,7 +157,7 @@ def _windows(frame: LocalFrame, house: House) -> Iterator[Solid]:
                 yield facade.box(name, (w, 2 * out, h), (x, -across / 2, z), material)
 
 
-def _tree(frame: LocalFrame, tree: Tree) -> Iterator[Solid]:
+def _tree(frame: LocalFrame, tree: specs.Tree) -> Iterator[Solid]:
     height = tree.height_m
     bare, thick, crown = CROWNS[tree.species]
     at = (0.0, 0.0, (bare * height - BURIED_M) / 2)
@@ -184,11 +171,11 @@ def _tree(frame: LocalFrame, tree: Tree) -> Iterator[Solid]:
         yield frame.box(f"crown_{i}", cube, at, tree.leaf_material, **ON_A_CORNER[i % 2])
 
 
-def _bush(frame: LocalFrame, bush: Bush) -> Iterator[Solid]:
+def _bush(frame: LocalFrame, bush: specs.Bush) -> Iterator[Solid]:
     return frame.balls("ball", bush.height_m, BUSH, bush.leaf_material)
 
 
-def _rock(frame: LocalFrame, rock: Rock) -> Iterator[Solid]:
+def _rock(frame: LocalFrame, rock: specs.Rock) -> Iterator[Solid]:
     height = rock.height_m
     for i, ((long, wide, high), (yaw, roll, pitch)) in enumerate(ROCK):
         size = (long * height, wide * height, high * height)
@@ -197,7 +184,7 @@ def _rock(frame: LocalFrame, rock: Rock) -> Iterator[Solid]:
         yield frame.box(f"block_{i}", size, at, rock.material, **turn)
 
 
-def _pole(frame: LocalFrame, pole: Pole) -> Iterator[Solid]:
+def _pole(frame: LocalFrame, pole: specs.Pole) -> Iterator[Solid]:
     yield _post(frame, "post", 0.12, pole.height_m, pole.material)
     z = pole.height_m - 0.6
     yield frame.box("arm", (0.1, 1.8, 0.12), (0.12, 0, z), pole.material)
@@ -206,7 +193,7 @@ def _pole(frame: LocalFrame, pole: Pole) -> Iterator[Solid]:
         yield frame.cylinder(f"insulator_{i}", 0.05, 0.16, at, pole.insulator_material)
 
 
-def _lamp(frame: LocalFrame, lamp: Lamp) -> Iterator[Solid]:
+def _lamp(frame: LocalFrame, lamp: specs.Lamp) -> Iterator[Solid]:
     height = lamp.height_m
     yield _post(frame, "foot", 0.11, 0.8, lamp.material)
     yield _post(frame, "post", 0.06, height, lamp.material)
@@ -221,12 +208,12 @@ def _post(frame: LocalFrame, part: str, radius_m: float, height_m: float, materi
     return frame.cylinder(part, radius_m, height_m + BURIED_M, at, material)
 
 
-def _bale(frame: LocalFrame, bale: Bale) -> Iterator[Solid]:
+def _bale(frame: LocalFrame, bale: specs.Bale) -> Iterator[Solid]:
     at = (0, 0, bale.radius_m)
     yield frame.cylinder("roll", bale.radius_m, bale.length_m, at, bale.material, roll_deg=90.0)
 
 
-def _crate(frame: LocalFrame, crate: Crate) -> Iterator[Solid]:
+def _crate(frame: LocalFrame, crate: specs.Crate) -> Iterator[Solid]:
     length, width, height = crate.size_m
     yield frame.box("body", crate.size_m, (0, 0, height / 2), crate.material)
     for i, x in enumerate((-0.36, 0.36)):
@@ -234,13 +221,13 @@ def _crate(frame: LocalFrame, crate: Crate) -> Iterator[Solid]:
         yield frame.box(f"batten_{i}", size, (x * length, 0.0, size[2] / 2), crate.material)
 
 
-def _fence(name: str, fence: Fence) -> Iterator[Solid]:
+def _fence(name: str, fence: specs.Fence) -> Iterator[Solid]:
     feet = fence.feet()
     heights = fence.ground_m or [0.0] * len(feet)
     posts: list[Vector3] = [(*foot, z) for foot, z in zip(feet, heights, strict=True)]
     bays = list(pairwise(posts))
     yaws = [math.degrees(math.atan2(y1 - y0, x1 - x0)) for (x0, y0, _), (x1, y1, _) in bays]
-    post = (POST_M, POST_M, fence.height_m + BURIED_M)
+    post = (specs.POST_M, specs.POST_M, fence.height_m + BURIED_M)
     at = (0.0, 0.0, (fence.height_m - BURIED_M) / 2)
     for i, (x, y, z) in enumerate(posts):
         yaw_deg = yaws[min(i, len(bays) - 1)]
@@ -257,14 +244,14 @@ def _fence(name: str, fence: Fence) -> Iterator[Solid]:
             yield bay.cylinder(rail, 0.045, length, at, fence.material, pitch_deg=pitch_deg)
 
 
-BUILDERS: dict[type[PlacedObject], Callable[[LocalFrame, Any], Iterator[Solid]]] = {
-    House: _house,
-    Tree: _tree,
-    Bush: _bush,
-    Rock: _rock,
-    Pole: _pole,
-    Lamp: _lamp,
-    Bale: _bale,
-    Crate: _crate,
+BUILDERS: dict[type[specs.PlacedObject], Callable[[LocalFrame, Any], Iterator[Solid]]] = {
+    specs.House: _house,
+    specs.Tree: _tree,
+    specs.Bush: _bush,
+    specs.Rock: _rock,
+    specs.Pole: _pole,
+    specs.Lamp: _lamp,
+    specs.Bale: _bale,
+    specs.Crate: _crate,
 }
 """Builder of each kind of object at one place."""
