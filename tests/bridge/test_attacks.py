@@ -9,16 +9,16 @@ import logging
 import socket
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 
 import pytest
 
 from tests.ros.waiting import wait_until
-from tests.udp_bridge.node.test_bridge_node import Ros
+from tests.udp_bridge.io.test_address_guard import other_hosts as other_hosts
+from tests.udp_bridge.node.test_bridge_node import Ros, made
 from udp_bridge import Header, Link
-from udp_bridge.io import address_guard
 from udp_bridge.node import lockstep, publish_queue, subscriptions
-from udp_bridge.node.bridge_node import BridgeNode, Settings
+from udp_bridge.node.bridge_node import BridgeNode
 from udp_bridge.wire import address_validation
 from udp_bridge.wire.control import AddressChallenge, CreditRequest, Subscribe, parse
 from udp_bridge.wire.header import parse as parse_header
@@ -78,32 +78,37 @@ def ros() -> Ros:
     return Ros()
 
 
-@contextmanager
-def ended(ros: Ros, **settings: str) -> Iterator[BridgeNode]:
-    node = BridgeNode(
-        Settings(**({"bind": "127.0.0.1:0"} | settings)), ros, ros, ros, wake=lambda: None
-    )
-    try:
-        yield node
-    finally:
-        node.close()
+def ended(ros: Ros, **settings: str) -> AbstractContextManager[BridgeNode]:
+    """Return a node that is closed in the end."""
+    return closing(made(ros, **settings))
 
 
 @contextmanager
 def attackers(node: BridgeNode, count: int = 1) -> Iterator[list[Attacker]]:
-    made = [Attacker(("127.0.0.1", node.link.address[1])) for _ in range(count)]
-    try:
-        yield made
-    finally:
-        for attacker in made:
-            attacker.close()
+    to = ("127.0.0.1", node.link.address[1])
+    with ExitStack() as stack:
+        yield [stack.enter_context(closing(Attacker(to))) for _ in range(count)]
 
 
-@pytest.fixture
-def other_hosts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Treat loopback addresses like those of other hosts."""
-    for module in (address_validation, address_guard):
-        monkeypatch.setattr(module, "is_local", lambda _: False)
+def until_served(
+    node: BridgeNode, ask: Callable[[], object], is_served: Callable[[], object]
+) -> None:
+    """Ask again and again until a subscription is served."""
+
+    def is_there() -> object:
+        ask()
+        node.turn(time.monotonic_ns())
+        return is_served()
+
+    wait_until(is_there, "a subscription")
+
+
+def subscribe(gateway: Link) -> None:
+    gateway.send(SUBSCRIBE, "/cmd_vel", "", 1, Subscribe(TWIST).pack())
+
+
+OPEN = {"bind": "0.0.0.0:0", "allow_any_peer": "true"}
+"""Settings of a node that any sender reaches."""
 
 
 def test_an_unknown_sender_draws_nothing_if_a_peer_is_named(ros: Ros) -> None:
@@ -122,7 +127,7 @@ def test_an_unknown_sender_draws_nothing_if_a_peer_is_named(ros: Ros) -> None:
 def test_an_unvalidated_address_draws_no_more_bytes_than_it_sent(
     ros: Ros, other_hosts: None, size: int
 ) -> None:
-    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as node, attackers(node) as (one,):
+    with ended(ros, **OPEN) as node, attackers(node) as (one,):
         for number in range(20):
             one.send(datagram(TEXT, "", BODY, number))
             one.send(Header(1, number, 1, 2, 1, 0, "").pack() + bytes(size))  # the last of two
@@ -143,7 +148,7 @@ def test_a_stream_starts_once_its_receiver_has_proved_its_address(
 
     wanted = datagram(SUBSCRIBE, "/cmd_vel", Subscribe(TWIST).pack())
     with (
-        ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as node,
+        ended(ros, **OPEN) as node,
         attackers(node, 2) as (spoofed, live),
     ):
         spoofed.send(wanted)
@@ -161,43 +166,26 @@ def test_a_stream_starts_once_its_receiver_has_proved_its_address(
         assert ros.subscribed == []
         live.send(datagram(CONTROL, "", address_validation.AddressResponse(own).pack()))
         live.send(wanted)
-
-        def is_served() -> bool:
-            node.turn(0)
-            return bool(ros.subscribed)
-
-        wait_until(is_served, "a subscription")
+        until_served(node, lambda: None, lambda: ros.subscribed)
         assert node.link.counters()["refused"]["unvalidated"] == 3
 
 
 def test_a_link_that_sends_somewhere_returns_the_cookie_from_there(
     ros: Ros, other_hosts: None
 ) -> None:
-    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as node:
+    with ended(ros, **OPEN) as node:
         there = ("127.0.0.1", node.link.address[1])
         with Link(ANYWHERE, there) as gateway:
-
-            def is_served() -> bool:
-                gateway.send(SUBSCRIBE, "/cmd_vel", "", 1, Subscribe(TWIST).pack())
-                node.turn(0)
-                return bool(ros.subscribed)
-
-            wait_until(is_served, "a subscription")
+            until_served(node, lambda: subscribe(gateway), lambda: ros.subscribed)
 
 
 def test_a_stream_ends_with_the_validation_of_its_address(
     ros: Ros, other_hosts: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as node:
+    with ended(ros, **OPEN) as node:
         there = ("127.0.0.1", node.link.address[1])
         with Link(ANYWHERE, there) as gateway:
-
-            def is_served() -> bool:
-                gateway.send(SUBSCRIBE, "/cmd_vel", "", 1, Subscribe(TWIST).pack())
-                node.turn(0)
-                return bool(node._subscriptions.topics)
-
-            wait_until(is_served, "a subscription")
+            until_served(node, lambda: subscribe(gateway), lambda: node._subscriptions.topics)
         monkeypatch.setattr(address_validation, "VALIDATION_NANOS", 0)
         node.turn(0)
         assert node._subscriptions.topics == []
@@ -230,7 +218,7 @@ def test_bogus_topics_give_their_places_back(ros: Ros, monkeypatch: pytest.Monke
 def test_a_known_sender_is_never_locked_out_by_forged_addresses(
     ros: Ros, other_hosts: None
 ) -> None:
-    with ended(ros, bind="0.0.0.0:0", allow_any_peer="true") as node:
+    with ended(ros, **OPEN) as node:
         there = ("127.0.0.1", node.link.address[1])
         with Link(ANYWHERE, there) as gateway, attackers(node) as (hostile,):
             for number in range(publish_queue.MAX_TOPICS):
@@ -238,7 +226,7 @@ def test_a_known_sender_is_never_locked_out_by_forged_addresses(
             wait_until(lambda: len(ros.published) == publish_queue.MAX_TOPICS, "no place is free")
 
             def again() -> None:
-                gateway.send(SUBSCRIBE, "/cmd_vel", "", 1, Subscribe(TWIST).pack())
+                subscribe(gateway)
                 gateway.send(TWIST, "/real", "", 1, BODY)
 
             until_published(ros, "/real", again)
@@ -261,13 +249,10 @@ def test_bogus_subscriptions_give_their_places_back(
             lambda: (node.turn(time.monotonic_ns()), len(node._subscriptions.topics))[1] == 64,
             "all taken",
         )
-
-        def is_served() -> bool:
-            live.send(datagram(SUBSCRIBE, "/cmd_vel", wanted))
-            node.turn(time.monotonic_ns())
-            return (TWIST, "/cmd_vel") in node._subscriptions.topics
-
-        wait_until(is_served, "a subscription")
+        until_served(
+            *(node, lambda: live.send(datagram(SUBSCRIBE, "/cmd_vel", wanted))),
+            lambda: (TWIST, "/cmd_vel") in node._subscriptions.topics,
+        )
         assert len(node._subscriptions.topics) == subscriptions.MAX_SUBSCRIPTIONS
 
 

@@ -20,6 +20,11 @@ WALL = 10**18
 STARTS = st.sampled_from([0, 5, 2**31 - 10, 2**32 - 10])
 
 
+@pytest.fixture
+def outcomes() -> MessageOutcomes:
+    return MessageOutcomes()
+
+
 def missing(outcomes: MessageOutcomes) -> int:
     known = outcomes.delivered + outcomes.incomplete + outcomes.late + outcomes.open_count
     return outcomes.numbers - known
@@ -36,8 +41,7 @@ def counts(outcomes: MessageOutcomes) -> tuple[int, ...]:
 
 
 @pytest.mark.parametrize("start", [0, 2**32 - 2])
-def test_gaps_are_missing_until_they_get_an_outcome(start: int) -> None:
-    outcomes = MessageOutcomes()
+def test_gaps_are_missing_until_they_get_an_outcome(start: int, outcomes: MessageOutcomes) -> None:
     outcomes.settle(start, "delivered")
     outcomes.mark_arrived((start + 4) % 2**32)
     assert (*counts(outcomes), outcomes.open_count) == (5, 1, 0, 0, 3, 1)
@@ -47,22 +51,19 @@ def test_gaps_are_missing_until_they_get_an_outcome(start: int) -> None:
     assert (*counts(outcomes), outcomes.open_count) == (5, 1, 1, 1, 2, 0)
 
 
-def test_a_second_outcome_does_not_count() -> None:
-    outcomes = MessageOutcomes()
+def test_a_second_outcome_does_not_count(outcomes: MessageOutcomes) -> None:
     assert outcomes.settle(3, "delivered")
     assert not outcomes.settle(3, "late")
     assert counts(outcomes) == (1, 1, 0, 0, 0)
 
 
-def test_what_was_overtaken_at_the_very_begin_counts() -> None:
-    outcomes = MessageOutcomes()
+def test_what_was_overtaken_at_the_very_begin_counts(outcomes: MessageOutcomes) -> None:
     outcomes.settle(5, "delivered")
     outcomes.settle(3, "late")
     assert (outcomes.first_number, *counts(outcomes)) == (3, 3, 1, 0, 1, 1)
 
 
-def test_what_is_too_old_keeps_its_outcome() -> None:
-    outcomes = MessageOutcomes()
+def test_what_is_too_old_keeps_its_outcome(outcomes: MessageOutcomes) -> None:
     outcomes.settle(0, "delivered")
     outcomes.settle(REMEMBERED + 1, "delivered")
     assert not outcomes.settle(0, "late")
@@ -71,16 +72,14 @@ def test_what_is_too_old_keeps_its_outcome() -> None:
     assert counts(outcomes) == (REMEMBERED + 2, 2, 0, 1, REMEMBERED - 1)
 
 
-def test_a_forged_jump_takes_no_memory() -> None:
-    outcomes = MessageOutcomes()
+def test_a_forged_jump_takes_no_memory(outcomes: MessageOutcomes) -> None:
     outcomes.settle(0, "delivered")
     outcomes.mark_arrived(2**31 - 1)
     assert outcomes._arrived.bit_length() <= REMEMBERED
     assert counts(outcomes)[0] == 2**31
 
 
-def test_only_what_was_repaired_and_delivered_counts_as_repaired() -> None:
-    outcomes = MessageOutcomes()
+def test_only_what_was_repaired_and_delivered_counts_as_repaired(outcomes: MessageOutcomes) -> None:
     outcomes.settle(0, "delivered")
     for number, outcome in ((1, "delivered"), (2, "incomplete"), (3, "late")):
         outcomes.mark_repaired(number)
@@ -124,6 +123,11 @@ def imu(seq_number: int, stamp_nanos: int, body: bytes = b"x") -> Message:
     return Message(2, "/imu", "imu", stamp_nanos, seq_number, body)
 
 
+@pytest.fixture
+def log() -> DeliveryLog:
+    return DeliveryLog()
+
+
 def deliver(log: DeliveryLog, message: Message) -> Message:
     log.mark_arrived(message.header())
     log.mark_delivered(key_of(message), len(message.body))
@@ -134,8 +138,7 @@ def publish(log: DeliveryLog, message: Message, wall_nanos: int = WALL) -> None:
     log.mark_published(key_of(deliver(log, message)), wall_nanos)
 
 
-def test_counts_bytes_stamps_and_ages() -> None:
-    log = DeliveryLog()
+def test_counts_bytes_stamps_and_ages(log: DeliveryLog) -> None:
     for number, age in enumerate([500, 10, 100]):
         publish(log, imu(7 + number, WALL - age))
     assert log.report(2, 4, WALL) == TopicReport(
@@ -160,8 +163,7 @@ def test_counts_bytes_stamps_and_ages() -> None:
     assert log.report(2, 4, WALL + 9).since_nanos == WALL
 
 
-def test_an_age_is_taken_at_publication_and_reported_for_10_s() -> None:
-    log = DeliveryLog()
+def test_an_age_is_taken_at_publication_and_reported_for_10_s(log: DeliveryLog) -> None:
     message = deliver(log, imu(0, WALL))
     waiting = log.report(2, 0, WALL + 50)
     assert (waiting.published, waiting.pending, waiting.age_p50_nanos) == (0, 1, NO_AGE)
@@ -171,14 +173,12 @@ def test_an_age_is_taken_at_publication_and_reported_for_10_s() -> None:
     assert (silent.published, silent.age_p50_nanos, silent.age_p99_nanos) == (1, NO_AGE, NO_AGE)
 
 
-def test_clocks_of_two_machines_may_disagree() -> None:
-    log = DeliveryLog()
+def test_clocks_of_two_machines_may_disagree(log: DeliveryLog) -> None:
     publish(log, imu(0, WALL + 10))
     assert log.report(2, 0, WALL).age_p50_nanos == -10
 
 
-def test_each_message_counts_once_however_often_it_is_marked() -> None:
-    log = DeliveryLog()
+def test_each_message_counts_once_however_often_it_is_marked(log: DeliveryLog) -> None:
     message = deliver(log, imu(0, 1))
     log.mark_dropped(key_of(message))
     log.mark_dropped(key_of(message))
@@ -188,8 +188,7 @@ def test_each_message_counts_once_however_often_it_is_marked() -> None:
     assert (report.dropped, report.published, report.pending, report.missing) == (1, 0, 0, 0)
 
 
-def test_memory_is_bounded() -> None:
-    log = DeliveryLog()
+def test_memory_is_bounded(log: DeliveryLog) -> None:
     for number in range(WAITING_KEPT + 3):
         deliver(log, imu(number, number))
     report = log.report(2, 0, WALL)

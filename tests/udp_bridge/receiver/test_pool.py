@@ -4,8 +4,12 @@ import pytest
 from udp_bridge.receiver.pool import KEPT_BYTES, BlockPool, is_free
 
 
-def test_a_block_is_used_again_when_nobody_looks_into_it() -> None:
-    pool = BlockPool()
+@pytest.fixture
+def pool() -> BlockPool:
+    return BlockPool()
+
+
+def test_a_block_is_used_again_when_nobody_looks_into_it(pool: BlockPool) -> None:
     block = pool.lease(100_000)
     assert pool.lease(100_000) is block
     view = memoryview(block)[10:20].toreadonly()
@@ -17,8 +21,7 @@ def test_a_block_is_used_again_when_nobody_looks_into_it() -> None:
     assert is_free(block)
 
 
-def test_the_block_that_was_used_last_is_used_next() -> None:
-    pool = BlockPool()
+def test_the_block_that_was_used_last_is_used_next(pool: BlockPool) -> None:
     views = [memoryview(pool.lease(100_000)) for _ in range(3)]
     blocks = [view.obj for view in views]
     for view in views:
@@ -36,21 +39,18 @@ def test_the_check_for_views_changes_no_byte() -> None:
 
 
 @pytest.mark.parametrize("size", [1, 70_000, 16_700_000])
-def test_a_block_is_large_enough_and_not_wasteful(size: int) -> None:
-    pool = BlockPool()
+def test_a_block_is_large_enough_and_not_wasteful(size: int, pool: BlockPool) -> None:
     pool.lease(16_700_000)
     assert size <= len(pool.lease(size)) <= 2 * size + 65_536
 
 
-def test_memory_is_bounded() -> None:
-    pool = BlockPool()
+def test_memory_is_bounded(pool: BlockPool) -> None:
     views = [memoryview(pool.lease(16_000_000)) for _ in range(6)]
     assert len({id(view.obj) for view in views}) == 6
     assert pool.kept_bytes <= KEPT_BYTES
 
 
-def test_an_offered_block_is_taken_once_and_only_if_it_fits() -> None:
-    pool = BlockPool()
+def test_an_offered_block_is_taken_once_and_only_if_it_fits(pool: BlockPool) -> None:
     block = pool.offer(200_000)
     assert pool.offer(200_000) is block
     assert pool.lease(200_000) is not block

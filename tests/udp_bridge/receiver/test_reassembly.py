@@ -47,6 +47,11 @@ class Receiver:
         return {name: count for name, count in counts.items() if count}
 
 
+@pytest.fixture
+def receiver() -> Receiver:
+    return Receiver()
+
+
 def imu(seq_number: int, stamp_s: float = 1000.0) -> Header:
     sec, nsec = divmod(int(stamp_s * 1e9), 10**9)
     return IMU._replace(seq_number=seq_number, time_sec=sec, time_nsec=nsec)
@@ -63,8 +68,7 @@ def cloud(seq_number: int, stamp_s: int = 1000, parts: int = 4) -> Header:
     "order",
     [(0, 1, 2, 3), (3, 2, 1, 0), (3, 0, 1, 2), (1, 3, 0, 2), (2, 0, 3, 1), (0, 1, 3, 2)],
 )
-def test_parts_in_any_order(order: tuple[int, ...]) -> None:
-    receiver = Receiver()
+def test_parts_in_any_order(order: tuple[int, ...], receiver: Receiver) -> None:
     (message,) = receiver.parts(POINTS, order)
     assert message.body == b"".join(bytes([10, number]) * 50 for number in range(4))
     assert message._replace(body=b"") == Message(1, "/points", "lidar", 10**12, 10, b"", 4)
@@ -81,8 +85,7 @@ def test_the_last_part_may_be_shorter() -> None:
         assert len(results[1].body) == PART + 7
 
 
-def test_bodies_are_read_only_and_their_own() -> None:
-    receiver = Receiver()
+def test_bodies_are_read_only_and_their_own(receiver: Receiver) -> None:
     single = receiver.part(IMU)
     (joined,) = receiver.parts(POINTS, range(4))
     for message in (single, joined):
@@ -110,16 +113,14 @@ def test_a_middle_part_of_another_size_is_refused() -> None:
         assert len(receiver.parts(POINTS, (1, 2, 3))) == 1
 
 
-def test_a_last_part_that_is_larger_is_refused() -> None:
-    receiver = Receiver()
+def test_a_last_part_that_is_larger_is_refused(receiver: Receiver) -> None:
     receiver.part(POINTS, 0)
     receiver.part(POINTS, 3, PART + 1)
     assert receiver.counts == {"refused": {"part_size": 1}}
     assert len(receiver.parts(POINTS, (1, 2, 3))) == 1
 
 
-def test_an_early_last_part_that_is_too_large_is_refused_later() -> None:
-    receiver = Receiver()
+def test_an_early_last_part_that_is_too_large_is_refused_later(receiver: Receiver) -> None:
     receiver.part(POINTS, 3, PART + 1)
     assert receiver.counts == {}
     receiver.part(POINTS, 1)
@@ -129,16 +130,14 @@ def test_an_early_last_part_that_is_too_large_is_refused_later() -> None:
     assert receiver.reassembler.memory_bytes == 0
 
 
-def test_an_empty_part_of_several_is_refused_and_opens_nothing() -> None:
-    receiver = Receiver()
+def test_an_empty_part_of_several_is_refused_and_opens_nothing(receiver: Receiver) -> None:
     receiver.part(POINTS, 3, 0)
     receiver.part(POINTS, 0, 0)
     receiver.reassembler.give_up_all()
     assert receiver.counts == {"refused": {"part_size": 2}}
 
 
-def test_a_part_that_disagrees_is_refused() -> None:
-    receiver = Receiver()
+def test_a_part_that_disagrees_is_refused(receiver: Receiver) -> None:
     receiver.part(POINTS, 0)
     receiver.part(POINTS._replace(parts_max=5), 1)
     receiver.part(POINTS._replace(parts_max=1), 0)
@@ -147,8 +146,7 @@ def test_a_part_that_disagrees_is_refused() -> None:
     assert len(receiver.parts(POINTS, (1, 2, 3))) == 1
 
 
-def test_parts_of_another_message_do_not_conflict() -> None:
-    receiver = Receiver()
+def test_parts_of_another_message_do_not_conflict(receiver: Receiver) -> None:
     others = [
         POINTS._replace(seq_number=11),
         POINTS._replace(time_sec=1001),
@@ -167,24 +165,21 @@ def test_parts_of_another_message_do_not_conflict() -> None:
 # Twice.
 
 
-def test_the_first_copy_of_a_part_counts() -> None:
-    receiver = Receiver()
+def test_the_first_copy_of_a_part_counts(receiver: Receiver) -> None:
     receiver.parts(POINTS, (0, 0, 3, 3, 1, 1))
     receiver.part(POINTS, 1, PART + 3)  # a copy, whatever its size
     assert receiver.counts == {"duplicates": 4}
     assert len(receiver.parts(POINTS, (2,))) == 1
 
 
-def test_parts_of_a_finished_message_are_duplicates() -> None:
-    receiver = Receiver()
+def test_parts_of_a_finished_message_are_duplicates(receiver: Receiver) -> None:
     receiver.parts(POINTS, range(4))
     receiver.parts(POINTS, range(4))
     receiver.seqs(imu(5), imu(5), imu(5))
     assert receiver.counts == {"messages": 2, "duplicates": 6}
 
 
-def test_the_last_64_finished_messages_are_remembered() -> None:
-    receiver = Receiver()
+def test_the_last_64_finished_messages_are_remembered(receiver: Receiver) -> None:
     receiver.seqs(*(imu(seq) for seq in range(65)))
     receiver.part(imu(1))
     assert receiver.counts == {"messages": 65, "duplicates": 1}
@@ -262,10 +257,9 @@ def test_numbers_jump_from_3000_ahead_and_beyond_100_behind(ahead: int, delivere
 @pytest.mark.parametrize("ahead", [1, 50, 2999, 3000, 1 << 30, 2**31 - 1, 2**31, -1000, -50])
 @pytest.mark.parametrize("forgeries", [1, 2])
 def test_a_forged_number_costs_some_messages_and_silences_nothing(
-    ahead: int, parts: int, forgeries: int
+    ahead: int, parts: int, forgeries: int, receiver: Receiver
 ) -> None:
     """One of the year 2038, or two in a row, with numbers far ahead of those of the sender."""
-    receiver = Receiver()
     for number in range(5000, 5010):
         receiver.parts(cloud(number, 1000 + number, parts), range(parts))
     for more in range(forgeries):
@@ -277,16 +271,14 @@ def test_a_forged_number_costs_some_messages_and_silences_nothing(
     assert [message.seq_number for message in got][-96:] == list(range(5114, 5210))
 
 
-def test_sequence_jump_is_not_reported() -> None:
-    receiver = Receiver()
+def test_sequence_jump_is_not_reported(receiver: Receiver) -> None:
     receiver.seqs(imu(5), imu(6), imu(6 + 2**20), imu(7))
     ((_, _, report),) = receiver.reassembler.reports("a", 0)
     assert (report.numbers, report.missing) == (3, 0)
     assert receiver.counts == {"messages": 3, "late": 1}
 
 
-def test_parts_of_an_open_message_do_not_jump() -> None:
-    receiver = Receiver()
+def test_parts_of_an_open_message_do_not_jump(receiver: Receiver) -> None:
     receiver.parts(cloud(5, 1000), (0, 1, 2))
     receiver.parts(cloud(2000, 1001), range(4))
     receiver.parts(cloud(4500, 1002), range(4))
@@ -299,9 +291,8 @@ def test_parts_of_an_open_message_do_not_jump() -> None:
 
 @pytest.mark.parametrize("msg_type", sorted(STAMP_ORDERED))
 def test_a_stale_command_or_measurement_is_dropped_though_its_number_is_ahead(
-    msg_type: int,
+    msg_type: int, receiver: Receiver
 ) -> None:
-    receiver = Receiver()
     rows = [(5, 1000.0), (6, 999.9), (7, 1000.1), (8, 1000.1), (9, 998.1)]
     headers = [imu(seq, stamp)._replace(msg_type=msg_type) for seq, stamp in rows]
     assert receiver.seqs(*headers) == [5, 7, 8]
@@ -309,16 +300,14 @@ def test_a_stale_command_or_measurement_is_dropped_though_its_number_is_ahead(
 
 
 @pytest.mark.parametrize("stamp", [999.0, 1000.0])
-def test_behind_with_an_older_or_equal_stamp_is_late(stamp: float) -> None:
-    receiver = Receiver()
+def test_behind_with_an_older_or_equal_stamp_is_late(stamp: float, receiver: Receiver) -> None:
     assert receiver.seqs(imu(1000), imu(998, stamp)) == [1000]
     assert receiver.counts == {"messages": 1, "late": 1}
     receiver.part(imu(998, stamp))
     assert receiver.counts == {"messages": 1, "late": 1, "duplicates": 1}
 
 
-def test_a_multi_part_message_that_ends_behind_is_late() -> None:
-    receiver = Receiver()
+def test_a_multi_part_message_that_ends_behind_is_late(receiver: Receiver) -> None:
     receiver.parts(cloud(1), (0, 1, 2))
     receiver.parts(cloud(2, 1001), range(4))
     receiver.parts(cloud(1), (3,))
@@ -326,8 +315,7 @@ def test_a_multi_part_message_that_ends_behind_is_late() -> None:
     assert receiver.reassembler.memory_bytes == 0
 
 
-def test_restart_after_silence_abandons_open_messages() -> None:
-    receiver = Receiver()
+def test_restart_after_silence_abandons_open_messages(receiver: Receiver) -> None:
     receiver.parts(cloud(7), range(4))
     receiver.now_s = 0.5
     receiver.part(cloud(8))
@@ -337,8 +325,7 @@ def test_restart_after_silence_abandons_open_messages() -> None:
     assert len(receiver.parts(cloud(0), (1, 2, 3))) == 1
 
 
-def test_restart_abandons_earlier_open_messages() -> None:
-    receiver = Receiver()
+def test_restart_abandons_earlier_open_messages(receiver: Receiver) -> None:
     receiver.parts(cloud(7, 1000), range(4))
     receiver.part(cloud(8, 1001))
     receiver.part(cloud(1, 1003))  # of the new sender, and ahead of its first to be complete
@@ -360,8 +347,7 @@ def test_the_next_one_that_was_given_up_does_not_come_back_in_a_single_part() ->
     assert receiver.counts == {"messages": 1, "incomplete": 1, "duplicates": 1}
 
 
-def test_topics_types_and_senders_have_an_order_of_their_own() -> None:
-    receiver = Receiver()
+def test_topics_types_and_senders_have_an_order_of_their_own(receiver: Receiver) -> None:
     receiver.seqs(imu(1000))
     assert receiver.seqs(imu(5)._replace(topic="/other"), imu(5)._replace(msg_type=9)) == [5, 5]
     assert receiver.part(imu(5), sender="b") is not None
@@ -399,8 +385,7 @@ def test_further_parts_of_a_message_given_up_do_not_open_it_again() -> None:
     assert receiver.counts == {"incomplete": 1, "duplicates": 3}
 
 
-def test_the_oldest_of_five_open_messages_of_a_topic_is_given_up() -> None:
-    receiver = Receiver()
+def test_the_oldest_of_five_open_messages_of_a_topic_is_given_up(receiver: Receiver) -> None:
     for seq in range(5):
         receiver.part(cloud(seq))
     assert receiver.counts == {"incomplete": 1}
@@ -408,8 +393,7 @@ def test_the_oldest_of_five_open_messages_of_a_topic_is_given_up() -> None:
     assert len(receiver.parts(cloud(1), (1, 2, 3))) == 1
 
 
-def test_memory_counts_message_sizes() -> None:
-    receiver = Receiver()
+def test_memory_counts_message_sizes(receiver: Receiver) -> None:
     receiver.part(cloud(1, parts=200), 0)
     first = OVERHEAD_BYTES + 200 * PART
     assert receiver.reassembler.memory_bytes == first
@@ -470,8 +454,7 @@ def test_the_largest_message_fits_into_a_senders_share() -> None:
     assert 255 * (65507 - 20) <= limits.memory_bytes // limits.share
 
 
-def test_no_memory_is_taken_before_it_is_filled() -> None:
-    receiver = Receiver()
+def test_no_memory_is_taken_before_it_is_filled(receiver: Receiver) -> None:
     message = None
     for number in range(255):
         message = receiver.part(cloud(1, parts=255), number, 4)
@@ -523,8 +506,7 @@ def test_a_newcomer_takes_a_topic_from_the_sender_with_most() -> None:
 # Counting by topic, and type 64.
 
 
-def test_losses_are_counted_by_topic_too() -> None:
-    receiver = Receiver()
+def test_losses_are_counted_by_topic_too(receiver: Receiver) -> None:
     receiver.seqs(imu(1), imu(5), imu(4), imu(5))
     receiver.part(cloud(1), 0)
     receiver.reassembler.give_up_all()
@@ -539,8 +521,7 @@ def test_losses_are_counted_by_topic_too() -> None:
     assert receiver.reassembler.reports("nobody", 0) == []
 
 
-def test_control_is_delivered_whatever_its_number_and_stamp() -> None:
-    receiver = Receiver()
+def test_control_is_delivered_whatever_its_number_and_stamp(receiver: Receiver) -> None:
     credit = bytes([0, 1, 0, 0]) + bytes(8)
     for seq, sec in ((9, 1000), (3, 900), (3, 900)):
         header = Header(64, seq, 0, 1, sec, 0, "/points")
@@ -549,8 +530,7 @@ def test_control_is_delivered_whatever_its_number_and_stamp() -> None:
     assert receiver.counts == {"messages": 3}
 
 
-def test_control_of_several_parts_or_with_a_bad_body_is_refused() -> None:
-    receiver = Receiver()
+def test_control_of_several_parts_or_with_a_bad_body_is_refused(receiver: Receiver) -> None:
     receiver.part(Header(64, 0, 0, 2, 0, 0), 0, 12)
     receiver.part(Header(64, 10, 0, 1, 0, 0), 0, 12)  # its body says kind 10
     receiver.part(Header(64, 7, 0, 1, 0, 0), 0, 0)
@@ -588,8 +568,7 @@ def test_whatever_arrives_the_limits_hold(data: st.DataObject) -> None:
     assert reassembler.memory_bytes == 0
 
 
-def test_a_subscribe_of_several_parts_or_with_a_bad_body_is_refused() -> None:
-    receiver = Receiver()
+def test_a_subscribe_of_several_parts_or_with_a_bad_body_is_refused(receiver: Receiver) -> None:
     head = Header(7, 0, 0, 1, 0, 0, "/odom")
     for body in (b"", bytes(7), bytes(8), bytes(9)):
         assert receiver.reassembler.receive(head.pack() + body, "sender", 0) is None

@@ -14,6 +14,11 @@ WALL = 10**18
 SECOND = 10**9
 
 
+@pytest.fixture
+def counter() -> DeliveryCounter:
+    return DeliveryCounter()
+
+
 def send(counter: DeliveryCounter, count: int, stamp_nanos: int = 100) -> None:
     for number in range(count):
         counter.next_number((2, "/imu"), stamp_nanos + number, len(b"body"))
@@ -39,8 +44,7 @@ def row(counter: DeliveryCounter, now_nanos: int = 0) -> DeliveryCounts:
     return found
 
 
-def test_what_was_sent_is_in_flight_until_it_is_reported() -> None:
-    counter = DeliveryCounter()
+def test_what_was_sent_is_in_flight_until_it_is_reported(counter: DeliveryCounter) -> None:
     send(counter, 10)
     counter.superseded(Message(2, "/imu", "imu", 1, 0, b""))
     found = row(counter)
@@ -55,8 +59,7 @@ def test_what_was_sent_is_in_flight_until_it_is_reported() -> None:
     assert found[5:12] == (3, 1, 1, 1, 1, 1 + 2, 2)
 
 
-def test_unreported_messages_are_missing_after_a_while() -> None:
-    counter = DeliveryCounter()
+def test_unreported_messages_are_missing_after_a_while(counter: DeliveryCounter) -> None:
     send(counter, 10)
     assert row(counter).missing == 0
     send(counter, 5)
@@ -67,8 +70,7 @@ def test_unreported_messages_are_missing_after_a_while() -> None:
     assert (found.missing, found.delivered, found.in_flight) == (0, 11, 1 + 3)
 
 
-def test_counts_of_a_restarted_receiver_are_added() -> None:
-    counter = DeliveryCounter()
+def test_counts_of_a_restarted_receiver_are_added(counter: DeliveryCounter) -> None:
     send(counter, 30)
     counter.reported("/imu", report(10, published=8, pending=1, body_bytes=32), WALL)
     again = WALL + 5 * SECOND
@@ -80,8 +82,7 @@ def test_counts_of_a_restarted_receiver_are_added() -> None:
     assert (found.delivered, found.missing, found.delivered_bytes) == (22, 1 + 1 + 5 + 1, 88)
 
 
-def test_a_message_with_two_outcomes_counts_once() -> None:
-    counter = DeliveryCounter()
+def test_a_message_with_two_outcomes_counts_once(counter: DeliveryCounter) -> None:
     send(counter, 10)
     counter.reported("/imu", report(10, published=9, incomplete=1), WALL)
     again = report(1, first=9, since=WALL + SECOND, seen_at=109, published=1)
@@ -90,8 +91,7 @@ def test_a_message_with_two_outcomes_counts_once() -> None:
     assert (found.delivered, found.incomplete, found.missing) == (10, 0, 0)
 
 
-def test_reports_about_a_sender_that_was_here_before_are_ignored() -> None:
-    counter = DeliveryCounter()
+def test_reports_about_a_sender_that_was_here_before_are_ignored(counter: DeliveryCounter) -> None:
     send(counter, 10, stamp_nanos=1000)
     for old in (report(5, published=5, seen_at=999), report(11, published=11, seen_at=1000)):
         counter.reported("/imu", old, WALL)
@@ -100,8 +100,7 @@ def test_reports_about_a_sender_that_was_here_before_are_ignored() -> None:
     assert row(counter).delivered == 10
 
 
-def test_a_report_that_was_overtaken_is_ignored() -> None:
-    counter = DeliveryCounter()
+def test_a_report_that_was_overtaken_is_ignored(counter: DeliveryCounter) -> None:
     send(counter, 10)
     counter.reported("/imu", report(10, published=10), WALL)
     counter.reported("/imu", report(5, published=5), WALL - SECOND)
@@ -110,8 +109,7 @@ def test_a_report_that_was_overtaken_is_ignored() -> None:
     assert row(counter).delivered == 9
 
 
-def test_reports_about_unknown_topics_take_no_memory() -> None:
-    counter = DeliveryCounter()
+def test_reports_about_unknown_topics_take_no_memory(counter: DeliveryCounter) -> None:
     counter.reported("/imu", report(5), WALL)
     assert counter.counts(0) == []
 
@@ -125,8 +123,7 @@ def test_a_message_has_the_number_of_those_before_it(signed_peer: bool, modulus:
     assert [counter.next_number((1, "/a"), 0, 1) for _ in range(2)] == [modulus - 1, 0]
 
 
-def test_topics_that_are_forgotten_begin_anew() -> None:
-    counter = DeliveryCounter()
+def test_topics_that_are_forgotten_begin_anew(counter: DeliveryCounter) -> None:
     counter.next_number((1, "/first"), 0, 1)
     for index in range(MAX_TOPICS):
         counter.next_number((1, str(index)), 0, 1)

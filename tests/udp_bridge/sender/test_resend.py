@@ -36,6 +36,11 @@ def acknowledge(queue: SendQueue, receive_buffer: int) -> None:
     queue.flow.acknowledged(DatagramKey(1, "", 0, 0), receive_buffer, 0)
 
 
+@pytest.fixture
+def queue() -> SendQueue:
+    return box()
+
+
 def taken(queue: SendQueue, now: int) -> list[tuple[Header, bytes]]:
     out: list[tuple[Header, bytes]] = []
     datagram: OutgoingDatagram | None = queue.take(now)
@@ -64,8 +69,7 @@ def ask(
     queue.resender.requested(header, request, now)
 
 
-def test_parts_are_resent_byte_for_byte() -> None:
-    queue = box()
+def test_parts_are_resent_byte_for_byte(queue: SendQueue) -> None:
     sent = put(queue, 0)
     ask(queue, sent[0][0], (1, 4), MS)
     assert not queue.is_idle
@@ -75,8 +79,7 @@ def test_parts_are_resent_byte_for_byte() -> None:
     assert queue.resender.resent == 2
 
 
-def test_the_offer_goes_right_behind_the_last_part() -> None:
-    queue = box()
+def test_the_offer_goes_right_behind_the_last_part(queue: SendQueue) -> None:
     queue.put(cloud())
     datagrams = [queue.take(0, 3 * 1500), queue.take(0, 3 * 1500)]
     behind = [row.batch.trailer for row in datagrams if row is not None and row.batch is not None]
@@ -89,8 +92,7 @@ def test_the_offer_goes_right_behind_the_last_part() -> None:
     assert queue.next_wake(0) == MS
 
 
-def test_they_go_before_parts_of_newer_messages_and_behind_small_ones() -> None:
-    queue = box()
+def test_they_go_before_parts_of_newer_messages_and_behind_small_ones(queue: SendQueue) -> None:
     sent = put(queue, 0)
     ask(queue, sent[0][0], (2,), MS)
     queue.put(cloud(8))
@@ -103,8 +105,7 @@ def test_they_go_before_parts_of_newer_messages_and_behind_small_ones() -> None:
     assert kinds[:3] == [(8, 0, 0), (1, 0, 2), (1, 1, 0)]
 
 
-def test_requests_for_unsent_or_other_messages_are_ignored() -> None:
-    queue = box()
+def test_requests_for_unsent_or_other_messages_are_ignored(queue: SendQueue) -> None:
     queue.put(cloud())
     first, *_ = [queue.take(0), queue.take(0)]
     assert first is not None
@@ -130,8 +131,7 @@ def test_parts_of_another_message_of_the_number_are_not_sent(other: dict[str, in
     assert queue.resender.resent == 0
 
 
-def test_complete_messages_are_resent() -> None:
-    queue = box()
+def test_complete_messages_are_resent(queue: SendQueue) -> None:
     rows = [put(queue, 0, Message(2, "/p", "", stamp, 0, b"imu")) for stamp in range(4)]
     queue.resender.requested(rows[1][0][0]._replace(time_nsec=999), Request(2, 0, 2, 0), MS)
     again = [row for row in taken(queue, MS) if row[0].msg_type == 2]
@@ -148,8 +148,7 @@ def test_stale_messages_are_forgotten() -> None:
     assert queue.resender.resent == 0
 
 
-def test_copies_of_a_request_are_answered_once() -> None:
-    queue = box()
+def test_copies_of_a_request_are_answered_once(queue: SendQueue) -> None:
     sent = put(queue, 0)
     for _ in range(2):
         ask(queue, sent[0][0], (1,), MS)
@@ -160,8 +159,7 @@ def test_copies_of_a_request_are_answered_once() -> None:
     assert queue.resender.resent == 2
 
 
-def test_parts_lost_again_may_be_requested_again_at_once() -> None:
-    queue = box()
+def test_parts_lost_again_may_be_requested_again_at_once(queue: SendQueue) -> None:
     sent = put(queue, 0)
     ask(queue, sent[0][0], (1, 3), MS)
     taken(queue, MS)
@@ -170,8 +168,7 @@ def test_parts_lost_again_may_be_requested_again_at_once() -> None:
     assert queue.resender.resent == 3
 
 
-def test_an_offer_follows_requested_parts() -> None:
-    queue = box()
+def test_an_offer_follows_requested_parts(queue: SendQueue) -> None:
     sent = put(queue, 0)
     taken(queue, 15 * MS)
     ask(queue, sent[0][0], (1, 3), 16 * MS)
@@ -181,8 +178,7 @@ def test_an_offer_follows_requested_parts() -> None:
     assert queue.next_wake(16 * MS) == 17 * MS  # the next ones follow as in the beginning
 
 
-def test_an_offer_follows_a_single_part_a_millisecond_later() -> None:
-    queue = box()
+def test_an_offer_follows_a_single_part_a_millisecond_later(queue: SendQueue) -> None:
     sent = put(queue, 0)
     taken(queue, 15 * MS)
     ask(queue, sent[0][0], (1,), 16 * MS)
@@ -190,8 +186,7 @@ def test_an_offer_follows_a_single_part_a_millisecond_later() -> None:
     assert queue.next_wake(16 * MS) == 17 * MS
 
 
-def test_an_older_message_hastens_no_offer_of_the_newest() -> None:
-    queue = box()
+def test_an_older_message_hastens_no_offer_of_the_newest(queue: SendQueue) -> None:
     sent = put(queue, 0)
     put(queue, 0, cloud(8))
     taken(queue, 15 * MS)
@@ -199,8 +194,7 @@ def test_an_older_message_hastens_no_offer_of_the_newest() -> None:
     assert taken(queue, 16 * MS) == sent[1:3]
 
 
-def test_an_offer_waits_for_requested_parts() -> None:
-    queue = box()
+def test_an_offer_waits_for_requested_parts(queue: SendQueue) -> None:
     sent = put(queue, 0)
     queue.flow.window.window_bytes = 1  # full, so nothing goes again until there is a credit
     queue.flow.window.moved_nanos = 16 * MS
@@ -304,8 +298,7 @@ def test_falling_goodput_fills_no_memory() -> None:
     assert len(budget._goodput) <= 10 * BUDGET_WINDOW_S + 1
 
 
-def test_history_is_bounded() -> None:
-    queue = box()
+def test_history_is_bounded(queue: SendQueue) -> None:
     for stamp in range(HISTORY_MESSAGES + 10):
         put(queue, 0, Message(2, "/p", "", stamp, 0, b"x"))
     assert queue.resender.history_bytes == HISTORY_MESSAGES
@@ -337,16 +330,14 @@ def test_offers_follow_a_message_until_it_is_stale() -> None:
     assert queue.next_wake(300 * MS) is None
 
 
-def test_an_offer_names_the_newest_message() -> None:
-    queue = box()
+def test_an_offer_names_the_newest_message(queue: SendQueue) -> None:
     put(queue, 0)
     queue.put(cloud(8))
     (_, header, _), *_ = offers(queue, MS)
     assert (header.seq_number, header.stamp_nanos, header.link) == (1, 8, "")
 
 
-def test_fast_topics_are_offered_at_most_every_5_ms() -> None:
-    queue = box()
+def test_fast_topics_are_offered_at_most_every_5_ms(queue: SendQueue) -> None:
     count = 0
     for now in range(0, SECOND, 2_500_000):
         queue.put(Message(2, "/p", "", now, 0, b"x"))
@@ -354,8 +345,7 @@ def test_fast_topics_are_offered_at_most_every_5_ms() -> None:
     assert count == 200
 
 
-def test_other_topics_are_not_kept_and_not_offered() -> None:
-    queue = box()
+def test_other_topics_are_not_kept_and_not_offered(queue: SendQueue) -> None:
     queue.put(Message(1, "/other", "", 1, 0, bytes(9000)))
     assert all(header.msg_type == 1 for header, _ in taken(queue, 0))
     assert queue.resender.history_bytes == 0
