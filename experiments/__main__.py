@@ -17,7 +17,7 @@ from experiments.estimation.environments import python_of
 from experiments.estimation.evaluation import missed, write_csv
 from experiments.estimation.programs import PROGRAMS
 from experiments.output.console import Console
-from experiments.output.report import write_report
+from experiments.output.page import write_report
 from groundlink.core.errors import UserError
 
 from .experiment import OUT, ExperimentOptions

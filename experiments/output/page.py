@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Update of the tables in docs/experiments.md: `python -m experiments.output.page`.
+"""Summary page of an output folder, and the tables of docs/experiments.md.
+
+`python -m experiments.output.page` updates docs/experiments.md.
 
 Each table of the page is generated from the CSV file beside it, between the marks `<!-- NAME -->`
 and `<!-- end of NAME -->`. Tables and figures that the page shows are copied into docs/experiments.
@@ -18,6 +20,7 @@ from pathlib import Path
 from experiments.estimation.evaluation import Evaluation, median, read_csv
 from experiments.experiment import OUT
 from experiments.recording.setups import ROOT
+from experiments.table import EXPERIMENTS
 
 PAGE = ROOT / "docs" / "experiments.md"
 KEPT = ROOT / "docs" / "experiments"
@@ -86,6 +89,28 @@ def with_table(page: str, name: str, text: str) -> str:
     if not pattern.search(page):
         raise ValueError(f"{PAGE}: marks {begin} and {end} not found")
     return pattern.sub(lambda _: f"{begin}\n{text}\n{end}", page)
+
+
+def write_report(out: Path) -> Path:
+    """Write `experiments.md` of all tables and figures in an output folder; return its path."""
+    parts = ["# Experiments"]
+    for name, experiment in EXPERIMENTS.items():
+        tables = _files(out / "tables", name, ".csv")
+        figures = _files(out / "figures", name, ".png")
+        if not tables and not figures:
+            continue
+        parts += [f"## {name}", experiment.what]
+        parts += [text_of(file) for file in tables]
+        parts += [f"![{file.stem}]({file.relative_to(out)})" for file in figures]
+    page = out / "experiments.md"
+    page.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
+    return page
+
+
+def _files(folder: Path, name: str, ending: str) -> list[Path]:
+    """Return the files of one experiment: NAME and NAME_MORE."""
+    found = sorted(folder.glob(f"{name}*{ending}"))
+    return [file for file in found if file.stem == name or file.stem.startswith(f"{name}_")]
 
 
 def main(arguments: Sequence[str]) -> int:

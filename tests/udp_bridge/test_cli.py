@@ -235,7 +235,7 @@ SEND = ("send", "--to", "127.0.0.1:9", "--type", "9", "--body")
         ((*SEND, os.devnull, "--datagram", "jumbo"), "'jumbo' is neither mtu, loopback nor"),
         ((*SEND, os.devnull, "--datagram", "255"), "255 is neither mtu, loopback nor 256..65507"),
         ((*SEND, os.devnull, "--type", "31"), "unknown message type 31; known are 1, 2"),
-        ((*SEND, os.devnull, "--type", "Pose"), "unknown message type 'Pose'; expected one of PointC"),
+        ((*SEND, os.devnull, "--type", "Pose"), "message type 'Pose'; expected one of PointCloud2"),
         ((*SEND, os.devnull, "--topic", "x" * 235), "take 235 bytes together; at most 234 fit"),
         ((*SEND, os.devnull, "--to", "nowhere.invalid:9"), "no IPv4 address for nowhere.invalid:9"),
     ],

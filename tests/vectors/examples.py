@@ -23,7 +23,7 @@ from udp_bridge import Message as WireMessage
 from udp_bridge import fragments
 from udp_bridge.wire.control import Subscribe
 from udp_bridge.wire.typed import pack_typed
-from udp_bridge.wire.types import TYPED, type_number
+from udp_bridge.wire.types import type_number
 
 FOLDER = Path(__file__).parent
 DATAGRAM_BYTES = 256
@@ -143,22 +143,25 @@ def fields(body: bytes, message_type: type[BusMessage]) -> Any:
     return plain(STORE.deserialize_cdr(body, ROS_CODECS[message_type].ros_type))
 
 
-def _write(name: str, message: WireMessage, meaning: Any) -> None:
+def _write(
+    name: str, type_name: str, topic: str, link: str, number: int, body: bytes, meaning: Any
+) -> None:
     if (FOLDER / f"{name}.bin").exists():
         return
+    message = WireMessage(type_number(type_name), topic, link, STAMP, number, body)
     datagrams = [header + bytes(part) for header, part in fragments(message, DATAGRAM_BYTES)]
-    sec, nsec = divmod(message.stamp_nanos, NANOS)
+    sec, nsec = divmod(STAMP, NANOS)
     row = {
-        "body_sha256": hashlib.sha256(message.body).hexdigest(),
-        "body_size": len(message.body),
+        "body_sha256": hashlib.sha256(body).hexdigest(),
+        "body_size": len(body),
         "fields": meaning,
-        "link": message.link,
+        "link": link,
         "msg_type": message.msg_type,
         "parts": len(datagrams),
-        "seq_number": message.seq_number,
+        "seq_number": number,
         "time_nsec": nsec,
         "time_sec": sec,
-        "topic": message.topic,
+        "topic": topic,
     }
     (FOLDER / f"{name}.bin").write_bytes(
         b"".join(struct.pack("<I", len(datagram)) + datagram for datagram in datagrams)
@@ -169,38 +172,36 @@ def _write(name: str, message: WireMessage, meaning: Any) -> None:
 
 def main() -> None:
     """Write the vectors that are not there."""
-    for name, (type_name, topic, seq_number, message) in EXAMPLES.items():
-        body = bytes(to_cdr(message))
-        link = getattr(message, "frame", "")
-        stamp: int = message.stamp_nanos  # type: ignore[attr-defined]
-        wire = WireMessage(type_number(type_name), topic, link, stamp, seq_number, body)
-        _write(name, wire, fields(body, type(message)))
-    stamped = "geometry_msgs/msg/TwistStamped"
-    of = STORE.types
-    twist = of["geometry_msgs/msg/Twist"](linear=vector((0.5, 0, 0)), angular=vector((0, 0, -1.25)))
-    ros = of[stamped](header=header(STAMP, "base_link"), twist=twist)
-    body = bytes(STORE.serialize_cdr(ros, stamped))
-    wire = WireMessage(type_number("TwistStamped"), "/cmd_vel", "base_link", STAMP, 16, body)
-    _write("twist-stamped", wire, plain(ros))
-    pose_stamped = of["geometry_msgs/msg/PoseStamped"]
+    for name, (type_name, topic, number, message) in EXAMPLES.items():
+        body, link = bytes(to_cdr(message)), getattr(message, "frame", "")
+        _write(name, type_name, topic, link, number, body, fields(body, type(message)))
+    _write("subscribe", "Subscribe", "/odom", "", 14, SUBSCRIBE.pack(), SUBSCRIBE._asdict())
+
+    def message_of(ros_type: str, frame: str, **parts: Any) -> tuple[bytes, Any]:
+        """Return a message that no process sends, as CDR and as JSON has it."""
+        message = STORE.types[ros_type](header=header(STAMP, frame), **parts)
+        return bytes(STORE.serialize_cdr(message, ros_type)), plain(message)
+
+    twist = STORE.types["geometry_msgs/msg/Twist"](
+        linear=vector((0.5, 0, 0)), angular=vector((0, 0, -1.25))
+    )
+    stamped = message_of("geometry_msgs/msg/TwistStamped", "base_link", twist=twist)
+    _write("twist-stamped", "TwistStamped", "/cmd_vel", "base_link", 16, *stamped)
+    pose_stamped = STORE.types["geometry_msgs/msg/PoseStamped"]
     plan = [
         pose_stamped(header=header(STAMP, "map"), pose=pose((x, x / 2, 0.0), TURN))
         for x in (0.5, 1.0, 1.5, 2.0)
     ]
-    ros = of["nav_msgs/msg/Path"](header=header(STAMP, "map"), poses=plan)
-    body = bytes(STORE.serialize_cdr(ros, "nav_msgs/msg/Path"))
-    _write("path", WireMessage(type_number("Path"), "/plan", "map", STAMP, 17, body), plain(ros))
+    path = message_of("nav_msgs/msg/Path", "map", poses=plan)
+    _write("path", "Path", "/plan", "map", 17, *path)
     magnetic = "sensor_msgs/msg/MagneticField"
-    ros = of[magnetic](
-        header=header(STAMP, "imu_link"),
+    body, meaning = message_of(
+        *(magnetic, "imu_link"),
         magnetic_field=vector((1.9e-05, -2.5e-06, 4.5e-05)),
         magnetic_field_covariance=np.arange(9.0),
     )
-    body = pack_typed(magnetic, STORE.serialize_cdr(ros, magnetic))
-    wire = WireMessage(TYPED, "/magnetic_field", "imu_link", STAMP, 18, body)
-    _write("magnetic-field", wire, {"ros_type": magnetic, "message": plain(ros)})
-    request = WireMessage(type_number("Subscribe"), "/odom", "", STAMP, 14, SUBSCRIBE.pack())
-    _write("subscribe", request, SUBSCRIBE._asdict())
+    typed = pack_typed(magnetic, body), {"ros_type": magnetic, "message": meaning}
+    _write("magnetic-field", "Typed", "/magnetic_field", "imu_link", 18, *typed)
 
 
 if __name__ == "__main__":
