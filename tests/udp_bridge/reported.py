@@ -334,3 +334,44 @@ def boundaries() -> list[list[Arrival]]:
     """Return arrivals at the bounds of PROTOCOL.md, each list for a receiver of its own."""
     alone = [at_once([row]) for row in (*_headers(), *_texts(), *_subscribes())]
     return [*alone, *_times(), *_counts(), *_memory()]
+
+
+def twist(seq: int, tenths: int) -> bytes:
+    return Header(9, seq, 0, 1, tenths // 10, tenths % 10 * 10**8, "/a").pack() + b"x"
+
+
+JUMPING = [5, 3005, 6, 3006, 7, 3007, 10, 2**31, 2**31 + 1, 11, 12, 13, 4000, 3800, 3801, 3802]
+STALE = [(5, 100), (6, 99), (7, 101), (8, 100), (9, 100), (10, 70), (11, 69), (12, 68), (13, 67)]
+LARGE = 65_000
+KNOWN = [(0, who, part(0, 1, 1, topic="/known")) for who in (1, 2, 3, 4, 5)]
+"""Python lets strangers have no more together than one sender of which a message came."""
+CASES: dict[str, list[bytes]] = {
+    "behind with an equal stamp": [part(0, 1, 1, seq=5), part(0, 1, 1, seq=3)],
+    "numbers that jump": [part(0, 1, 1, seq=seq) for seq in JUMPING],
+    "messages that jump": [part(i, 2, 9, seq=seq) for seq in JUMPING for i in (0, 1)],
+    "a clock that is set back": [twist(*row) for row in STALE],
+    "last part first, and too large": [part(2, 3, 9), part(0, 3, 8), part(1, 3, 8), part(2, 3, 7)],
+    "padding of a header": [
+        edge(single(topic="/a") + bytes(8), header_size=size) for size in (20, 24, 28)
+    ],
+    "rates of subscriptions": [
+        Header(7, 0, 0, 1, 1, 0, "/a").pack() + Subscribe(1, max_rate_hz=rate).pack()
+        for rate in (0.0, 1.0)
+    ],
+    "more open messages than a topic has": [part(0, 2, 1, seq=i) for i in range(6)],
+    "more than a sender's share": [part(0, 255, LARGE, topic=f"/{i}") for i in (1, 2, 1)],
+    "more topics than are remembered": [part(0, 1, 1, topic=f"/{i % 1025}") for i in range(1030)],
+}
+
+
+def own_give_way() -> list[Arrival]:
+    """Return what a sender sends that goes beyond all of the memory, and then asks of its first."""
+    large = KNOWN + [(0, who, part(0, 255, LARGE)) for who in (1, 2, 3)]
+    fourth = [(0, 4, part(0, 240, 65_000)), (0, 5, part(0, 40, 32_000, topic="/first"))]
+    too_much = [(0, 5, part(0, 60, 32_000, topic="/second"))]
+    return [
+        *large,
+        *fourth,
+        *too_much,
+        *((0, 5, part(i, 40, 32_000, topic="/first")) for i in range(1, 40)),
+    ]

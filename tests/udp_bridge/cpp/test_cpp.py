@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from tests.udp_bridge.reported import CASES, own_give_way
 from tests.udp_bridge.vectors import (
     FOLDER,
     IN_ORDER,
@@ -162,38 +163,14 @@ def test_late_repeated_and_lost_parts_agree_with_python(
     means_the_same(receive, tmp_path, datagrams, [1] * len(datagrams))
 
 
-@pytest.mark.parametrize("parts", [1, 2])
-def test_numbers_that_jump_mean_the_same_to_both(receive: Path, tmp_path: Path, parts: int) -> None:
-    jumping = [5, 3005, 6, 3006, 7, 3007, 10, 2**31, 2**31 + 1, 11, 12, 13, 4000, 3800, 3801, 3802]
-    datagrams = [
-        Header(1, seq, number, parts, 1, 0, "/a").pack() + bytes(9)
-        for seq in jumping
-        for number in range(parts)
-    ]
-    means_the_same(receive, tmp_path, datagrams, [1] * len(datagrams))
-
-
-def test_stamps_that_go_back_mean_the_same_to_both(receive: Path, tmp_path: Path) -> None:
-    tenths = [100, 99, 101, 100, 100, 70, 69, 68, 67]
-    datagrams = [
-        Header(9, seq, 0, 1, tenth // 10, tenth % 10 * 10**8, "/a").pack() + b"x"
-        for seq, tenth in enumerate(tenths)
-    ]
+@pytest.mark.parametrize("datagrams", CASES.values(), ids=CASES)
+def test_a_limit_is_the_same_to_both(receive: Path, tmp_path: Path, datagrams: list[bytes]) -> None:
     means_the_same(receive, tmp_path, datagrams, [1] * len(datagrams))
 
 
 def test_sender_over_the_limit_loses_its_own_messages(receive: Path, tmp_path: Path) -> None:
     """Of all memory, where others hold more than he does: his first is given up, none of theirs."""
-
-    def part(number: int, parts: int, size: int, topic: str = "/a") -> bytes:
-        return Header(1, 1, number, parts, 1, 0, topic).pack() + bytes(size)
-
-    rows = [(part(0, 1, 1, "/known"), sender) for sender in (1, 2, 3, 4, 5)]
-    rows += [(part(0, 255, 65_000), sender) for sender in (1, 2, 3)]
-    rows += [(part(0, 240, 65_000), 4), (part(0, 40, 32_000, "/first"), 5)]
-    rows += [(part(0, 60, 32_000, "/second"), 5)]
-    rows += [(part(number, 40, 32_000, "/first"), 5) for number in range(1, 40)]
-    datagrams, senders = zip(*rows, strict=True)
+    _, senders, datagrams = zip(*own_give_way(), strict=True)
     assert means_the_same(receive, tmp_path, datagrams, senders) == 6
 
 

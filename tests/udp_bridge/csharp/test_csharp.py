@@ -19,21 +19,24 @@ from typing import Any, NamedTuple
 import pytest
 
 from tests.udp_bridge.reported import (
+    CASES,
+    KNOWN,
+    LARGE,
     REPORT,
     Arrival,
     by_python,
     challenges,
     controls,
     damaged,
-    edge,
     journey,
-    single,
+    own_give_way,
+    part,
 )
 from tests.udp_bridge.reported import told as reported
 from tests.udp_bridge.vectors import IN_ORDER, NAMES, TYPED_BODIES, VECTORS, Vector, load, typed_as
 from udp_bridge import Header, Message, Reassembler, fragments, parse
 from udp_bridge.receiver.inbox import Inbox
-from udp_bridge.wire.control import Credit, CreditRequest, Subscribe, TopicReport
+from udp_bridge.wire.control import Credit, CreditRequest, TopicReport
 
 FOLDER = Path(__file__).parents[3] / "udp-bridge/csharp"
 BUFFER = 1 << 30
@@ -197,41 +200,6 @@ def test_unsendable_messages_are_refused(
     assert exchange.send(message._replace(topic="/a", stamp_nanos=0, body=b"a"), 1472)
 
 
-def part(
-    number: int, of: int, size: int, *, seq: int = 1, sec: int = 1, topic: str = "/a"
-) -> bytes:
-    """Return one datagram of a message."""
-    return Header(1, seq, number, of, sec, 0, topic).pack() + bytes(size)
-
-
-def twist(seq: int, tenths: int) -> bytes:
-    return Header(9, seq, 0, 1, tenths // 10, tenths % 10 * 10**8, "/a").pack() + b"x"
-
-
-JUMPING = [5, 3005, 6, 3006, 7, 3007, 10, 2**31, 2**31 + 1, 11, 12, 13, 4000, 3800, 3801, 3802]
-STALE = [(5, 100), (6, 99), (7, 101), (8, 100), (9, 100), (10, 70), (11, 69), (12, 68), (13, 67)]
-LARGE = 65_000
-KNOWN = [(0, who, part(0, 1, 1, topic="/known")) for who in (1, 2, 3, 4, 5)]
-"""Python lets strangers have no more together than one sender of which a message came."""
-CASES: dict[str, list[bytes]] = {
-    "behind with an equal stamp": [part(0, 1, 1, seq=5), part(0, 1, 1, seq=3)],
-    "numbers that jump": [part(0, 1, 1, seq=seq) for seq in JUMPING],
-    "messages that jump": [part(i, 2, 9, seq=seq) for seq in JUMPING for i in (0, 1)],
-    "a clock that is set back": [twist(*row) for row in STALE],
-    "last part first, and too large": [part(2, 3, 9), part(0, 3, 8), part(1, 3, 8), part(2, 3, 7)],
-    "padding of a header": [
-        edge(single(topic="/a") + bytes(8), header_size=size) for size in (20, 24, 28)
-    ],
-    "rates of subscriptions": [
-        Header(7, 0, 0, 1, 1, 0, "/a").pack() + Subscribe(1, max_rate_hz=rate).pack()
-        for rate in (0.0, 1.0)
-    ],
-    "more open messages than a topic has": [part(0, 2, 1, seq=i) for i in range(6)],
-    "more than a sender's share": [part(0, 255, LARGE, topic=f"/{i}") for i in (1, 2, 1)],
-    "more topics than are remembered": [part(0, 1, 1, topic=f"/{i % 1025}") for i in range(1030)],
-}
-
-
 @pytest.mark.parametrize("datagrams", CASES.values(), ids=CASES)
 def test_a_limit_is_the_same_to_both(datagrams: list[bytes], exchange: Exchange) -> None:
     means_the_same(exchange, [(now, 1, datagram) for now, datagram in enumerate(datagrams)])
@@ -242,19 +210,6 @@ def test_of_many_senders_the_memory_and_the_names_are_bounded(exchange: Exchange
     means_the_same(exchange, KNOWN + large)
     means_the_same(exchange, [(0, who, part(0, 1, 1)) for who in [*range(66), 0]])
     means_the_same(exchange, own_give_way())
-
-
-def own_give_way() -> list[Arrival]:
-    """Return what a sender sends that goes beyond all of the memory, and then asks of its first."""
-    large = KNOWN + [(0, who, part(0, 255, LARGE)) for who in (1, 2, 3)]
-    fourth = [(0, 4, part(0, 240, 65_000)), (0, 5, part(0, 40, 32_000, topic="/first"))]
-    too_much = [(0, 5, part(0, 60, 32_000, topic="/second"))]
-    return [
-        *large,
-        *fourth,
-        *too_much,
-        *((0, 5, part(i, 40, 32_000, topic="/first")) for i in range(1, 40)),
-    ]
 
 
 @pytest.mark.parametrize("first", range(0, 200, 50))
