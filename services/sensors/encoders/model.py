@@ -20,20 +20,13 @@ class EncodersModel:
         self._frame = vehicle.frame_prefix + spec.frame
         self._due = NextEvent(Schedule.at(spec.rate_hz))
         self._counters = WheelCounters(scenario, vehicle, spec)
+        self.memory, self.remember = self._counters.memory, self._counters.remember
         self.restart()
 
     def restart(self) -> None:
         """Forget earlier states. Called after a jump in time or a loss of states."""
         self._due.restart()
         self._counters.restart()
-
-    def memory(self) -> bytes:
-        """Return the memory for a successor whose first state is that of `settled_tick`."""
-        return self._counters.memory()
-
-    def remember(self, memory: bytes) -> None:
-        """Restore a predecessor's memory; empty memory resets to the initial condition."""
-        self._counters.remember(memory)
 
     def settled_tick(self) -> int:
         """Return the tick up to which every reading has been yielded; -1 before the first.

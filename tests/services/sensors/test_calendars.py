@@ -4,7 +4,6 @@
 What a model sends depends on the states, the seed and the name alone, not on when it began.
 """
 
-import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -29,7 +28,7 @@ from groundlink.messages.imagery import CompressedImage
 from groundlink.messages.missing_readings import MissingReadings
 from groundlink.messages.reading_schedule import ReadingSchedule
 from groundlink.scenario.every_sensor import SensorSpec
-from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
+from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise, low_pass_ticks
 from groundlink.scenario.lenses import Imager
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensor_kinds import sensor_kinds
@@ -377,11 +376,10 @@ def test_a_restart_goes_on_with_the_same_bytes(
     same.restart()
     assert same.settled_tick() == -1
     first_nanos = begin * TICK_NANOS
-    if isinstance(spec, InertialUnit):  # It needs two states and then one whole window.
-        within_nanos = first_nanos + TICK_NANOS + 2e9 / spec.rate_hz
-        if spec.accelerometer.bandwidth_hz:  # Its filter needs a while to settle besides.
-            within_nanos = math.inf
-        first_nanos = max(nanos for _, nanos in whole if nanos <= within_nanos)
+    if isinstance(spec, InertialUnit):
+        # It needs two states, those of its filter and then one whole window.
+        ticks = 1 + low_pass_ticks(spec.accelerometer.bandwidth_hz)
+        first_nanos += ticks * TICK_NANOS + round(1e9 / spec.rate_hz) + 1
     for made in (model(spec), same):
         later = sent(made, STATES[begin:])
         assert later.items() <= whole.items()
@@ -460,3 +458,4 @@ def test_frames_have_the_vehicles_prefix(kind: type[Any], data: st.DataObject) -
             assert not isinstance(reading, LeftOut)
             message: Any = stream_and_message(reading)[1]
             assert message.frame.startswith("one/")
+            assert getattr(message, "child_frame", "one/").startswith("one/")

@@ -15,6 +15,7 @@ from groundlink.messages.base import State, VehicleState, packed
 from groundlink.messages.navigation import Odometry
 from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import Stream
+from groundlink.world.actors import Actor, CrateForm, FreeMotion
 from tests.system.rig import LAB
 
 EPOCH = 1_700_000_000_000_000_000
@@ -22,6 +23,12 @@ EPOCH = 1_700_000_000_000_000_000
 NO_ERROR = memoryview(bytes(36 * 8))
 
 SCENARIO = load(LAB)
+CRATE = Actor(
+    name="crate",
+    form=CrateForm(material="wood"),
+    motion=FreeMotion(at_m=(0.0, 0.0, 0.0), mass_kg=1.0),
+)
+WITH_CRATE = replace(SCENARIO, world=replace(SCENARIO.world, actors=(CRATE,)))
 
 
 def state(tick: int, *, epoch: int = EPOCH, yaw: float = 0.0) -> State:

@@ -41,12 +41,11 @@ from groundlink.ros.types import STORE, TYPES, header, pose
 from groundlink.scenario import Scenario
 from groundlink.scenario.sensors import Lidar2d
 from groundlink.scene.change import with_more
-from groundlink.world.actors import Actor, CrateForm, FreeMotion
 from services.view.draw_messages import FORMS
 from services.view.drawing import MOST_POINTS, Trail
 from services.view.rerun_view import RerunView
 
-from .scenes import EPOCH, SCENARIO, Nowhere, Remembering, state
+from .scenes import EPOCH, SCENARIO, WITH_CRATE, Nowhere, Remembering, state
 
 STAMP = EPOCH + 500_000_000
 EYE9, ZERO36 = packed(np.eye(3)), packed(np.zeros(36))
@@ -427,14 +426,8 @@ def test_a_trail_is_bounded_and_keeps_its_ends() -> None:
 
 
 def test_actors_are_drawn_at_their_state() -> None:
-    crate = Actor(
-        name="crate",
-        form=CrateForm(material="wood"),
-        motion=FreeMotion(at_m=(0.0, 0.0, 0.0), mass_kg=1.0),
-    )
-    scenario = replace(SCENARIO, world=replace(SCENARIO.world, actors=(crate,)))
     nowhere = Nowhere()
-    it = RerunView(scenario, "run", coloring="intensity", destination=nowhere)
+    it = RerunView(WITH_CRATE, "run", coloring="intensity", destination=nowhere)
     it.take_states([replace(state(0), actors=packed(np.array([1.0, 2.0, 0.5, *UP])))])
     (recording,) = nowhere.recordings
     assert any(isinstance(what, rr.Mesh3D) for what in recording.logged["actors/crate"])

@@ -15,14 +15,13 @@ from groundlink.messages.base import POINT, Clock, PointCloud, packed
 from groundlink.messages.navigation import OccupancyGrid, Odometry
 from groundlink.ros.cdr import to_cdr
 from groundlink.ros.streams import actor_transforms
-from groundlink.world.actors import Actor, CrateForm, FreeMotion
 from services.view.foxglove_scene import scene
 from services.view.foxglove_server import FoxgloveServer
 from services.view.viewer_subscriptions import streams_of
 from tests.system.rig import free_port
 
 from .foxglove_client import Client, joined
-from .scenes import EPOCH, SCENARIO, state
+from .scenes import EPOCH, SCENARIO, WITH_CRATE, state
 
 STREAMS = streams_of(SCENARIO, "run")
 UP = (0.0, 0.0, 0.0, 1.0)
@@ -152,15 +151,9 @@ def test_an_address_in_use_is_the_users_to_mend(served: tuple[FoxgloveServer, Cl
 
 
 def test_actors_are_in_the_scene_and_on_tf() -> None:
-    crate = Actor(
-        name="crate",
-        form=CrateForm(material="wood"),
-        motion=FreeMotion(at_m=(0.0, 0.0, 0.0), mass_kg=1.0),
-    )
-    scenario = replace(SCENARIO, world=replace(SCENARIO.world, actors=(crate,)))
-    assert b"crate" in scene(scenario, 0).encode()
+    assert b"crate" in scene(WITH_CRATE, 0).encode()
     assert b"crate" not in scene(SCENARIO, 0).encode()
     told = replace(state(0), actors=packed(np.array([1.0, 2.0, 0.5, *UP])))
-    (transform,) = actor_transforms(scenario, told).transforms
+    (transform,) = actor_transforms(WITH_CRATE, told).transforms
     assert (transform.parent, transform.child) == ("world", "crate")
     assert (transform.translation_m, transform.rotation) == ((1.0, 2.0, 0.5), UP)

@@ -4,7 +4,6 @@
 from typing import Any
 
 import numpy as np
-from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
 from groundlink.core.frames import matrix_from_quaternion, multiply, quaternion_from_rpy
@@ -14,12 +13,11 @@ from groundlink.messages.base import POINT, Clock, PointCloud, State, VehicleSta
 from groundlink.messages.ground_truth import Bodies
 from groundlink.messages.navigation import JointState
 from groundlink.scene.bodies import body_names
-from groundlink.world.actors import Actor, CrateForm, FreeMotion
 from services.physics.run.ground_truth import BodyTruth, VehicleTruth
 from services.view.reconstructed_states import HELD, ReceivedMessage, StateReconstructor
 from services.view.viewer_subscriptions import streams_of
 
-from .scenes import EPOCH, SCENARIO, truth
+from .scenes import EPOCH, SCENARIO, WITH_CRATE, truth
 
 STREAMS = streams_of(SCENARIO, "run")
 MODEL = SCENARIO.vehicles[0].model
@@ -130,18 +128,12 @@ def test_without_any_truth_no_more_than_some_wait() -> None:
 
 
 def test_actors_are_where_they_were_told_last() -> None:
-    crate = Actor(
-        name="crate",
-        form=CrateForm(material="wood"),
-        motion=FreeMotion(at_m=(0.0, 0.0, 0.0), mass_kg=1.0),
-    )
-    scenario = replace(SCENARIO, world=replace(SCENARIO.world, actors=(crate,)))
-    names = body_names(scenario, ())
+    names = body_names(WITH_CRATE, ())
     poses = np.zeros((len(names), 7))
     poses[:, 6] = 1.0
     poses[names.index("crate"), :3] = (1.0, 2.0, 0.5)
     came = [clock(0), drawable("bodies", Bodies(EPOCH, names, packed(poses)))]
-    states, _ = StateReconstructor(scenario, "run").follow(
+    states, _ = StateReconstructor(WITH_CRATE, "run").follow(
         [*came, drawable("rover/ground_truth", truth(0))]
     )
     assert floats(states[0].actors).tolist() == [1.0, 2.0, 0.5, 0.0, 0.0, 0.0, 1.0]

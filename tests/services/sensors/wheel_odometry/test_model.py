@@ -15,7 +15,6 @@ from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import (
-    BadBusMessage,
     Command,
     Imu,
     State,
@@ -152,11 +151,6 @@ def test_what_wheels_do_not_tell_is_unknown() -> None:
     assert (reading.frame, reading.child_frame) == ("odom", "base_link")
 
 
-def test_frames_have_the_vehicles_prefix() -> None:
-    reading = readings(odometry(frame_prefix="rover/"), rolled([0.0], [0.0]))[0]
-    assert (reading.frame, reading.child_frame) == ("rover/odom", "rover/base_link")
-
-
 def test_the_rounding_of_two_counts_is_in_its_covariance() -> None:
     """Of a pose whose wheels err by nothing else, over many phases of first and last count."""
     random = np.random.default_rng(5)
@@ -206,12 +200,6 @@ def test_a_reset_costs_one_step_and_no_more() -> None:
 def test_counters_that_are_not_there_are_refused() -> None:
     with pytest.raises(UserError, match="needs `encoders` that names"):
         odometry(replace(ENCODERS, name="others"))
-
-
-def test_a_state_without_the_wheels_is_refused() -> None:
-    (state,) = states(np.zeros((1, 3)))
-    with pytest.raises(BadBusMessage, match="0 joint positions of `rover`"):
-        odometry().readings(state)
 
 
 def test_after_lost_states_it_goes_on_from_where_it_was() -> None:
