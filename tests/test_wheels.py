@@ -133,7 +133,7 @@ def test_every_command_works_or_names_its_extra(
             assert f"pip install 'groundlink[{needed}]'" in said, where
 
 
-def test_the_wheel_brings_every_data_file(wheels: list[Path]) -> None:
+def test_wheel_contains_every_data_file(wheels: list[Path]) -> None:
     own = next(wheel for wheel in wheels if wheel.name.startswith("groundlink"))
     sources = {".py", ".pyc", ".c", ".h", ".so"}
     expected = {

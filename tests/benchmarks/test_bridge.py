@@ -74,7 +74,7 @@ def test_what_comes_from_the_bus_takes_the_longer_way(
     assert largest["from the bus"] > largest["C program"]
 
 
-def test_streams_arrive_whole(quick: tuple[str, dict[str, Any], bytes]) -> None:
+def test_streams_arrive_complete(quick: tuple[str, dict[str, Any], bytes]) -> None:
     rows = quick[1]["throughput"]
     assert [row["bytes"] for row in rows] == [1_000_000, 16_000_000]
     assert all(row["delivered"] == row["sent"] > 0 for row in rows)

@@ -191,7 +191,7 @@ def test_a_stream_ends_with_the_validation_of_its_address(
         assert node._subscriptions.topics == []
 
 
-def test_a_socket_that_others_can_reach_needs_to_know_who_may_send(ros: Ros) -> None:
+def test_reachable_socket_requires_a_sender_rule(ros: Ros) -> None:
     with pytest.raises(ValueError, match="--allow-any-peer"), ended(ros, bind="0.0.0.0:0"):
         pass
 

@@ -271,7 +271,7 @@ def test_a_sealed_datagram_shows_the_one_within(tmp_path: Path) -> None:
     assert cut == [str(SEALED), "", "", "", "", "", "bad_tag"]
 
 
-def test_other_ports_take_only_what_is_valid(tmp_path: Path) -> None:
+def test_other_ports_dissect_valid_datagrams_only(tmp_path: Path) -> None:
     twist = Header(9, 1, 0, 1, 0, 0, "/cmd_vel", "").pack() + bytes(52)
     broken = bytes([9, 21]) + twist[2:]
     ours, others = decoded(tmp_path, [twist, broken], to=ELSEWHERE)

@@ -57,7 +57,7 @@ def test_every_program_is_pinned_and_has_its_script(program: ExternalProgram) ->
     assert program.license
 
 
-def test_a_program_that_fails_is_told_with_its_last_lines(
+def test_failed_program_is_reported_with_its_last_lines(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made(tmp_path, EVO)

@@ -44,5 +44,5 @@ def test_each_case_has_its_own_limit() -> None:
     assert missed([*with_errors(0.01), *alone]) == []
 
 
-def test_what_is_no_number_is_missed() -> None:
+def test_values_that_are_no_numbers_are_missing() -> None:
     assert missed(with_errors(float("nan")))

@@ -66,7 +66,7 @@ def test_points(name: str, changed: dict[str, list[float]]) -> None:
     assert (cloud.header.stamp.sec, cloud.header.stamp.nanosec) == (2, late)
 
 
-def test_the_mount_of_the_lidar_alone_is_tilted() -> None:
+def test_only_the_lidars_mount_is_tilted() -> None:
     lidar, imu = _with("wrong_mount", MOUNTS).transforms
     assert lidar.transform.rotation.y == pytest.approx(np.sin(np.radians(2.5)))
     assert imu.transform.rotation.y == 0.0

@@ -39,7 +39,7 @@ def broken(_: ExperimentOptions) -> Sequence[Evaluation]:
     ],
     ids=["all kept", "one too far off", "one cannot be run"],
 )
-def test_each_is_run_and_what_is_not_kept_is_said(
+def test_each_experiment_runs_and_missed_limits_are_reported(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -60,6 +60,6 @@ def test_each_is_run_and_what_is_not_kept_is_said(
     assert ("its program needs libGL.so.1" in said.out) == ("none" in runs)
 
 
-def test_an_experiment_that_there_is_not_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_experiment_gives_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert module.main(["indoor_scan"]) == 2
     assert capsys.readouterr().err.startswith("no experiment indoor_scan; expected some of trans")

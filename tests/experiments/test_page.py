@@ -37,7 +37,7 @@ def test_only_what_is_between_the_marks_is_replaced() -> None:
         with_table(page, "z", "new")
 
 
-def test_the_page_says_what_the_tables_say() -> None:
+def test_page_matches_the_tables() -> None:
     page = PAGE.read_text(encoding="utf-8")
     tables = sorted(KEPT.glob("*.csv"))
     assert tables
@@ -56,7 +56,7 @@ def test_a_table_of_another_kind_is_shown_as_it_stands(tmp_path: Path) -> None:
     ]
 
 
-def test_the_page_shows_what_is_there(tmp_path: Path) -> None:
+def test_page_shows_available_results(tmp_path: Path) -> None:
     for name in ("tables", "figures"):
         (tmp_path / name).mkdir()
     write_rows(tmp_path / "tables" / "loss_arrived.csv", ["link"], [["1 % lost"]])

@@ -66,20 +66,20 @@ def test_each_combination_is_run_once(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     "text", ["scanner.mount", "mount=[1]", "scanner.mount=lidar", "scanner.mount=[", "a.b=[]"]
 )
-def test_what_is_no_variation_is_told(
+def test_invalid_variation_gives_one_line(
     text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert module.main(["swept", "--vary", text, "--out", str(tmp_path)]) == 2
     assert capsys.readouterr().err.startswith(f"groundlink sweep: --vary {text}: expected SENSOR")
 
 
-def test_a_sensor_that_is_not_there_is_told() -> None:
+def test_unknown_sensor_gives_one_line() -> None:
     with pytest.raises(
         UserError, match=r"^swept: unknown sensor lidar; expected one of scanner, imu,"
     ):
         SETUP.varied({"lidar": {"mount": "lidar"}})
 
 
-def test_the_command_hands_its_words_on(capfd: pytest.CaptureFixture[str]) -> None:
+def test_command_forwards_its_arguments(capfd: pytest.CaptureFixture[str]) -> None:
     assert groundlink(["sweep", "indoor_scans", "--vary", "nothing"]) == 2
     assert capfd.readouterr().err.startswith("groundlink sweep: --vary nothing: expected")

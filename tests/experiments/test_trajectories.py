@@ -52,7 +52,7 @@ def test_its_length_and_its_parts() -> None:
     assert part.length_m == pytest.approx(2.0, abs=0.05)
 
 
-def test_a_file_has_what_was_written(tmp_path: Path) -> None:
+def test_written_trajectory_is_read_back(tmp_path: Path) -> None:
     write_tum(tmp_path / "way.tum", circle(SECONDS))
     found = read_tum(tmp_path / "way.tum")
     np.testing.assert_allclose(found.seconds, SECONDS, atol=1e-9)

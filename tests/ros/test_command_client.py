@@ -44,7 +44,7 @@ def test_a_command_is_answered() -> None:
     assert (command.action, command.ticks, to) == (PAUSE, 0, GATEWAY)
 
 
-def test_what_is_lost_is_sent_again_with_the_same_number() -> None:
+def test_lost_command_is_repeated_with_its_number() -> None:
     gateway = Gateway(lambda command, before: paused(command, before) if before == 2 else None)
     gateway.client.gateway_seen(GATEWAY)
     gateway.client.call(RESET)
@@ -83,7 +83,7 @@ def test_why_it_could_not_be_done() -> None:
         gateway.client.call(PAUSE)
 
 
-def test_a_gateway_that_fell_silent_is_asked_where_no_other_is_there() -> None:
+def test_only_gateway_gets_commands_after_silence() -> None:
     gateway = Gateway(paused)
     gateway.client.gateway_seen(OTHER)
     gateway.now_nanos = PRESENT_NANOS
@@ -118,7 +118,7 @@ def test_which_of_two_gateways_is_not_guessed() -> None:
     assert gateway.commands == []
 
 
-def test_nobody_waits_when_it_is_over() -> None:
+def test_no_command_waits_after_the_end() -> None:
     gateway = Gateway(lambda command, before: gateway.client.close())
     gateway.client.gateway_seen(GATEWAY)
     with pytest.raises(CommandFailed, match="the bridge is ending"):

@@ -23,7 +23,7 @@ def test_lease(lease_s: int, now_nanos: int, has_expired: bool) -> None:
     assert lease(lease_s=lease_s).has_expired(now_nanos) is has_expired
 
 
-def test_a_renewed_lease_starts_anew() -> None:
+def test_renewed_lease_restarts() -> None:
     renewed = lease(lease_s=2)
     renewed.renew(Subscribe(9, lease_s=2), NANOS)
     assert not renewed.has_expired(3 * NANOS - 1)

@@ -136,7 +136,7 @@ def test_what_a_peer_never_reports_is_not_lost() -> None:
     assert outgoing("/pose") == {"/cmd_vel": lost, "/pose": lost}
 
 
-def test_the_link_warns_of_drops_and_refusals_and_tells_the_reasons() -> None:
+def test_link_status_warns_of_drops_and_refusals_with_reasons() -> None:
     verdicts = NodeDiagnostics()
 
     def link(**changes: Any) -> StatusRow:

@@ -33,13 +33,13 @@ def test_datagram(text: str, size: Any) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "resend x", "fec", "fec 7", "again 1"])
-def test_what_is_no_repair_is_one_line(text: str) -> None:
+def test_invalid_repair_gives_one_line(text: str) -> None:
     with pytest.raises(ValueError, match="expected none, resend"):
         parse_repair(text)
 
 
 @pytest.mark.parametrize("text", ["", "jumbo", "12", "70000", "-1"])
-def test_what_is_no_datagram_is_one_line(text: str) -> None:
+def test_invalid_datagram_size_gives_one_line(text: str) -> None:
     with pytest.raises(ValueError, match="neither mtu, loopback nor"):
         parse_datagram(text)
 

@@ -43,7 +43,7 @@ def test_a_workspace_finds_the_packages_of_its_ros_and_no_others() -> None:
 
 
 @pytest.mark.parametrize("manifest", MANIFESTS, ids=lambda file: str(file.relative_to(ROS)))
-def test_a_manifest_is_whole(manifest: Path) -> None:
+def test_manifest_is_complete(manifest: Path) -> None:
     root = ET.parse(manifest).getroot()
     assert root.get("format") == "3"
     assert root.findtext("name") == manifest.parent.name

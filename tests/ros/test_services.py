@@ -90,7 +90,7 @@ def test_without_a_gateway_it_says_so(ros: Ros) -> None:
     assert said.startswith("no gateway found")
 
 
-def test_of_two_gateways_the_peer_is_told(ros: Ros) -> None:
+def test_peer_parameter_selects_one_of_two_gateways(ros: Ros) -> None:
     _, address = ros.bridge()
     with simulator(address) as one, simulator(address) as other:
         with calling(ros) as caller:

@@ -28,7 +28,7 @@ def since_start(listener: Process, topic: str) -> list[tuple[int, Any]]:
 
 
 @pytest.mark.parametrize("how", [SENSOR_DATA, RELIABLE], ids=["best effort", "reliable"])
-def test_large_clouds_and_fast_readings_arrive_whole(
+def test_large_clouds_and_fast_readings_arrive_complete(
     ros: Ros, bridge: FarEnd, how: tuple[str, str, int, float]
 ) -> None:
     listener = ros.listen((CLOUD, "/points", how), (IMU, "/imu", how))
@@ -166,7 +166,7 @@ def test_only_the_peer_is_listened_to(ros: Ros) -> None:
     assert process.output.endswith("refused 1")
 
 
-def test_first_arrivals_are_told_of(ros: Ros) -> None:
+def test_first_arrivals_are_logged(ros: Ros) -> None:
     process, address = ros.bridge()
     far_end = FarEnd(address)
     for _ in range(3):

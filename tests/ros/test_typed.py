@@ -30,7 +30,7 @@ def test_a_type_without_a_number_is_published_by_its_name(ros: Ros, bridge: FarE
     assert bytes.fromhex(listener.messages(TOPIC)[0][1])[: len(cdr)] == cdr
 
 
-def test_a_type_that_is_not_installed_is_told_once_and_counted(ros: Ros) -> None:
+def test_missing_type_is_reported_once_and_counted(ros: Ros) -> None:
     process, address = ros.bridge()
     far_end = FarEnd(address)
     for _ in range(3):

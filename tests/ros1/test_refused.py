@@ -13,7 +13,7 @@ pytestmark = pytest.mark.system
 IMU, TF = 2, 35
 
 
-def test_what_is_no_message_is_refused_and_what_is_one_goes_on(ros1: Ros1) -> None:
+def test_invalid_messages_are_refused_and_valid_ones_continue(ros1: Ros1) -> None:
     node = ros1.bridge("127.0.0.1:0")
     host, port = node.wait_for(r"receiving at ([\d.]+):(\d+)").groups()
     far_end = FarEnd((host, int(port)))

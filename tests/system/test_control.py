@@ -74,7 +74,7 @@ def test_time_stands_still_goes_on_by_ticks_and_begins_again(
     assert first_samples(samples) == first_episode
 
 
-def test_the_command_line_says_what_became_of_it(run: tuple[Rig, Bus, BusInbox[Imu]]) -> None:
+def test_command_line_prints_the_result(run: tuple[Rig, Bus, BusInbox[Imu]]) -> None:
     it, _, samples = run
     first_samples(samples)
     command = [sys.executable, "-m", "groundlink", "step", "7", "--connect", it.endpoint]

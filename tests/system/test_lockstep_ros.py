@@ -130,7 +130,7 @@ def test_the_way_is_the_same_whatever_delays_and_losses(
     assert driven(tmp_path / "lossy", way=way, ticks=ticks, link=LOSS) == undisturbed
 
 
-def test_joints_turn_as_ros_says_and_joint_states_say_so(tmp_path: Path) -> None:
+def test_joints_follow_ros_commands_and_joint_states(tmp_path: Path) -> None:
     """Each tick that ROS answers waits for the command of the joints, whenever it comes."""
     digests = []
     for delay_s, link in ((0.0, ""), (0.03, LOSS)):

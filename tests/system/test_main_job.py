@@ -77,7 +77,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
             yield Running(it, supervisor, observer, bus, states, health)
 
 
-def test_fifteen_seconds_arrive_whole(running: Running) -> None:
+def test_fifteen_seconds_arrive_complete(running: Running) -> None:
     """Every cloud, sample and count of 15 s is there, in order, none twice, none missing.
 
     Pictures are drawn beside them on the same cores. A camera that is behind is waited for; of

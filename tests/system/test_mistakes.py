@@ -85,7 +85,7 @@ def test_arguments_that_make_no_sense(it: Rig) -> None:
     assert "not an endpoint" in run(it, *up, "--listen", "localhost:1")
 
 
-def test_an_endpoint_nobody_answers_at(it: Rig) -> None:
+def test_endpoint_without_router(it: Rig) -> None:
     for module in ("services.sensors.imu", "services.gateway"):
         name = ("--name", "rover/imu") if "imu" in module else ()
         line = run(it, "-m", module, *name, "--connect", it.endpoint)
@@ -166,7 +166,7 @@ def test_the_ros_nodes_port_in_use(it: Rig) -> None:
         assert "in use" in line.lower()
 
 
-def test_nobody_runs_there(in_vain: tuple[Rig, subprocess.Popen[str]]) -> None:
+def test_no_run_at_the_endpoint(in_vain: tuple[Rig, subprocess.Popen[str]]) -> None:
     there, sensor = in_vain
     assert sensor.wait(30) == 2
     assert there.log("imu.log").count("\n") == 1

@@ -163,7 +163,7 @@ def test_a_killed_receiver_changes_no_byte_though_fixes_were_under_way(tmp_path:
     assert runs[0] == runs[1]
 
 
-def test_native_where_nobody_can_be_is_answered_in_one_line(outdoors: Rig) -> None:
+def test_unreachable_native_address_gives_one_line(outdoors: Rig) -> None:
     sensor(outdoors, "gnss", "gnss", "--native", "nowhere")
     process = outdoors.started[-1]
     assert process.wait(20) == 2

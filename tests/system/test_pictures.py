@@ -61,7 +61,7 @@ def sha256(data: Any) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def test_what_arrives_is_what_was_sent(tmp_path: Path) -> None:
+def test_received_images_equal_sent_ones(tmp_path: Path) -> None:
     with rig(tmp_path) as it:
         scenario = SCENARIO.format(bind=it.address(it.bind), peer=it.address(it.peer))
         it.scenario.write_text(scenario, encoding="utf-8")

@@ -59,7 +59,7 @@ def test_there_is_something_on_the_page(page: Path, tmp_path: Path, dark: bool) 
         assert histogram.get(names[name], 0) > least, f"{name}: {histogram.get(names[name], 0)}"
 
 
-def test_a_blank_page_is_told(tmp_path: Path) -> None:
+def test_blank_page_gives_one_line(tmp_path: Path) -> None:
     empty = tmp_path / "empty.html"
     empty.write_text("<!doctype html><title>empty</title>", encoding="utf-8")
     picture = screenshot(empty, tmp_path / "page.png", width=WIDTH, height=HEIGHT)

@@ -54,7 +54,7 @@ def _with_scanners(it: Rig) -> None:
 
 
 @pytest.mark.parametrize(("topic", "expected"), SCANNERS.items())
-def test_scans_arrive_whole_and_in_order(
+def test_scans_arrive_complete_and_in_order(
     topic: str, expected: Expected, observed: dict[str, list[dict[str, Any]]]
 ) -> None:
     scans = observed[topic]

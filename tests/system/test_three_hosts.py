@@ -126,7 +126,7 @@ def test_ros_that_is_cut_off_comes_back_and_only_it_went(spread: Spread) -> None
     assert not [line for line in log.splitlines() if " went" in line and "gateway" not in line]
 
 
-def test_a_router_that_is_killed_and_comes_back_is_found_by_all(spread: Spread) -> None:
+def test_router_restart_is_survived(spread: Spread) -> None:
     (router,) = (p for p in spread.rig.started if "services.router" in str(p.args))
     router.kill()
     router.wait(10)

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.system
 SENSORS = {"rover/lidar", "rover/imu", "rover/encoders"}
 
 
-def test_sensors_share_a_process_and_are_told_one_by_one(tmp_path: Path) -> None:
+def test_sensors_of_a_shared_process_are_reported_separately(tmp_path: Path) -> None:
     report = tmp_path / "report.json"
     with rig(tmp_path, time_section="time: {mode: fast}\n") as it:
         up = it.up("--sensors-together", "--duration", "2", "--report", str(report))

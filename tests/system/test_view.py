@@ -218,7 +218,7 @@ def slam(running: Running) -> Iterator[None]:
         process.wait(10)
 
 
-def test_foxglove_sees_a_robot_and_what_its_stack_tells(running: Running) -> None:
+def test_foxglove_gets_robot_and_stack_topics(running: Running) -> None:
     port = free_port(socket.SOCK_STREAM)
     viewer = running.view("--foxglove", "--port", str(port), log="foxglove.log")
     wait_for(lambda: "open ws://" in running.rig.log("foxglove.log"), 30, "it serves")

@@ -96,7 +96,7 @@ def test_a_known_sender_keeps_its_open_messages_and_topics_in_a_flood_of_strange
     assert reassembler.receive(imu(0), "known", FLOOD) is None  # known for a copy
 
 
-def test_messages_that_become_whole_cost_nothing() -> None:
+def test_completed_messages_use_no_memory() -> None:
     reassembler = Reassembler()
     for index in range(5 * LIMITS.incomplete_per_s):
         for number in (0, 1):

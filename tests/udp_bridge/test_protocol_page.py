@@ -94,7 +94,7 @@ def reasons_in(path: Path) -> set[str]:
         ("**Kind 1, Request**", 8),
     ],
 )
-def test_bodies_have_no_gaps_and_the_size_that_is_said(heading: str, size: int) -> None:
+def test_bodies_have_no_gaps_and_their_declared_size(heading: str, size: int) -> None:
     sizes = {"uint8": 1, "uint16": 2, "uint32": 4, "float32": 4, "uint64": 8, "int64": 8}
     offset = 0
     for at, _, kind, _ in table(heading):

@@ -109,7 +109,7 @@ def test_a_topic_may_be_mended_from_some_message_on() -> None:
     assert not received >= set(range(count))
 
 
-def test_what_is_missed_is_asked_for_before_the_rest_is_acknowledged() -> None:
+def test_missed_states_are_requested_before_later_acks() -> None:
     offer = Header(RESEND, 0, 0, 1, 1, 0, "/p").pack() + Offer(1, 4, 2000).pack()
     parts = [
         Header(1, seq_number, number, 4, 1, seq_number, "/p").pack() + bytes(1000)

@@ -49,7 +49,7 @@ def test_another_processs_folder_is_refused(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("name", [AUTHORITY, CERTIFICATE, KEY, ABOUT])
-def test_a_folder_that_is_not_whole_says_what_is_missing(folder: Path, name: str) -> None:
+def test_incomplete_folder_names_missing_files(folder: Path, name: str) -> None:
     (folder / name).unlink()
     with pytest.raises(UserError, match=f"{name}.*groundlink secure"):
         credentials.Credentials(folder)

@@ -111,7 +111,7 @@ def test_a_long_answer_reaches_a_session_that_also_serves_queries(
         assert list(client.query(KEY, seconds=10).values()) == states
 
 
-def test_presence_shows_who_is_there_and_who_left(endpoint: str) -> None:
+def test_presence_lists_joined_and_departed_processes(endpoint: str) -> None:
     changes: list[tuple[str, bool]] = []
     with Bus(connect=endpoint) as watcher:
         watcher.watch("groundlink/test/health/**", lambda key, there: changes.append((key, there)))
@@ -125,7 +125,7 @@ def test_presence_shows_who_is_there_and_who_left(endpoint: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["localhost:7447", "tcp/host", "tcp/host:port", "tcp/ :1"])
-def test_what_is_no_endpoint_is_named(text: str) -> None:
+def test_invalid_endpoint_is_named(text: str) -> None:
     with pytest.raises(
         BusError, match=r"not an endpoint; expected PROTOCOL/HOST:PORT such as tcp/HOST:7447"
     ):

@@ -38,7 +38,7 @@ def test_a_duration_counts_from_what_arrives_or_where_nobody_reports_from_what_i
     assert passed(duration, monitor, rows) == over
 
 
-def test_what_a_duration_waits_for_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_awaited_streams_of_a_duration_are_printed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = [0.0]
     monkeypatch.setattr("groundlink.cli.run.up.time.monotonic", lambda: clock[0])
     said: list[str] = []

@@ -70,7 +70,7 @@ def test_another_host_needs_the_router_of_the_main_one(
         ("snapshot indoor_lab rover/camera --out shot.jpg", "--out shot.jpg: expected a folder"),
     ],
 )
-def test_a_mistake_is_told_before_a_run_is_asked_for(
+def test_mistakes_are_reported_before_joining_a_run(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -101,7 +101,7 @@ def test_a_file_of_a_run_that_cannot_be_used_is_left_as_it_is(
 
 
 @pytest.mark.parametrize("command", ["check", "up"])
-def test_a_topic_that_ros_cannot_answer_is_told(
+def test_unanswerable_topic_gives_one_line(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "lab.yaml"

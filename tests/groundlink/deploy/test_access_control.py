@@ -29,11 +29,11 @@ def test_every_process_of_a_run_is_granted_something(tour: Scenario) -> None:
     assert {process for process, _ in grants(tour)} > set(process_names(tour))
 
 
-def test_physics_alone_says_where_things_are(tour: Scenario) -> None:
+def test_single_physics_prints_poses(tour: Scenario) -> None:
     assert who_says(tour, STATE.key_in("*")) == {"physics"}
 
 
-def test_a_sensor_alone_says_its_readings(tour: Scenario) -> None:
+def test_single_sensor_prints_its_readings(tour: Scenario) -> None:
     assert who_says(tour, SENSOR_TOPICS["imu"].key_in("*", vehicle="rover", sensor="imu")) == {
         "rover/imu"
     }

@@ -40,7 +40,7 @@ def spectrum(made: np.ndarray) -> np.ndarray:
     return (np.abs(np.fft.rfft(waves, axis=1)) ** 2).mean(axis=0)
 
 
-def test_waves_are_no_shorter_than_told() -> None:
+def test_waves_are_no_shorter_than_specified() -> None:
     smooth = heights(replace(SPEC, shortest_m=40.0))
     rough = heights(replace(SPEC, shortest_m=4.0, roughness=0.8))
     short = 30  # cycles: waves of 10 m

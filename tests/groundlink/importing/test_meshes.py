@@ -54,7 +54,7 @@ def test_a_scene_of_parts_is_one_surface_with_z_up(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("up", "size"), [("y", (1, 3, 2)), ("z", (1, 2, 3)), (None, (1, 2, 3))])
-def test_up_and_scale_are_as_told(
+def test_up_and_scale_follow_the_spec(
     tmp_path: Path, up: Any, size: tuple[float, float, float]
 ) -> None:
     box, _ = made(tmp_path, "box.ply", MESHES["box.ply"], up=up, scale=0.5)
@@ -106,7 +106,7 @@ def test_colors_of_vertices_become_a_picture(tmp_path: Path) -> None:
     assert (pixels[row, column][(heights < -0.01).all(axis=1)] == (0, 0, 255)).all()
 
 
-def test_an_obj_has_its_picture_and_tells_of_a_missing_one(tmp_path: Path) -> None:
+def test_obj_has_its_texture_and_reports_a_missing_one(tmp_path: Path) -> None:
     text = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\n"
     text += "f 1/1 2/2 3/3\n"
     write(tmp_path, "m.mtl", b"newmtl a\nKd 0.5 0.5 0.5\nmap_Kd p.png\n")
@@ -208,7 +208,7 @@ def test_an_obj_takes_no_materials_from_outside(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("size", "problem"), [(2000.0, "Fix: for millimeters, `scale: 0.001`"), (1e-3, "small")]
 )
-def test_sizes_that_look_wrong_are_told(tmp_path: Path, size: float, problem: str) -> None:
+def test_suspicious_sizes_are_warned_about(tmp_path: Path, size: float, problem: str) -> None:
     box = trimesh.creation.box((size, size, size)).export(file_type="stl")
     _, told = made(tmp_path, "box.stl", box)
     assert len(told) == 1

@@ -62,7 +62,7 @@ def test_the_map_is_as_large_and_where_it_is_said(tmp_path: Path) -> None:
     assert here.heights == pytest.approx(HEIGHTS - 3.0, abs=1e-5)
 
 
-def test_eight_bits_are_told_of(tmp_path: Path) -> None:
+def test_eight_bit_heights_are_warned_about(tmp_path: Path) -> None:
     gray = (sixteen_bits() >> 8).astype(np.uint8)
     here, told = made(tmp_path, "map.png", png(gray), heights_m=(0.0, 100.0), cell_m=1.0)
     assert here.heights == pytest.approx(HEIGHTS, abs=0.5)

@@ -152,7 +152,7 @@ def test_a_mistake_is_one_line_with_its_place(
     assert "\n" not in str(caught.value)
 
 
-def test_doubts_are_told(tmp_path: Path) -> None:
+def test_doubtful_values_are_warned_about(tmp_path: Path) -> None:
     told: list[str] = []
     file = made(tmp_path)
     scaled = {"kind": "mesh", "file": "house.glb", "scale": 1000.0}

@@ -36,7 +36,7 @@ def test_a_single_vehicle_has_no_namespace(tmp_path: Path) -> None:
     assert (rover.sensors[0].topic, rover.from_ros.pose) == ("/imu", "/pose")
 
 
-def test_those_in_company_are_kept_apart_by_their_names(tmp_path: Path) -> None:
+def test_sensors_of_one_process_differ_by_name(tmp_path: Path) -> None:
     made = load(scenario(tmp_path, vehicle("one"), vehicle("two", 5.0, topic="/left/imu")))
     one, two = made.vehicles
     assert (one.namespace, one.frame_prefix, one.command_topic) == ("/one", "one/", "/one/cmd_vel")
@@ -94,7 +94,7 @@ def test_two_that_share_a_topic_of_commands_are_refused(tmp_path: Path, more: st
 
 
 @pytest.mark.parametrize("namespace", ["fleet", "/", "/a b", "7"])
-def test_what_is_no_namespace_is_refused(tmp_path: Path, namespace: str) -> None:
+def test_invalid_namespace_is_refused(tmp_path: Path, namespace: str) -> None:
     with pytest.raises(ScenarioError, match=r"some.yaml:\d+: `vehicles\[0\].namespace`"):
         load(scenario(tmp_path, vehicle("one", more=f"namespace: {namespace}")))
 

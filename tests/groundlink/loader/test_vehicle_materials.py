@@ -57,7 +57,7 @@ def test_two_vehicles_may_not_mean_different_things(tmp_path: Path) -> None:
     assert f"another `rubber` is defined by the vehicle at {tmp_path / 'first.yaml'}:" in text
 
 
-def test_a_mistake_in_a_material_is_told_where_it_is(tmp_path: Path) -> None:
+def test_material_mistake_has_its_place(tmp_path: Path) -> None:
     file = write(tmp_path)
     for name in ("first", "second"):
         model = tmp_path / f"{name}.yaml"

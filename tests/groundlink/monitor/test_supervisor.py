@@ -58,7 +58,7 @@ def poll_until(supervisor: Supervisor, condition: Callable[[], bool]) -> str | N
     return None
 
 
-def test_a_crashed_child_is_restarted_and_the_others_are_left_alone() -> None:
+def test_crashed_child_is_restarted_and_others_continue() -> None:
     lines = Lines()
     with running({"a": SLEEP, "b": SLEEP}, lines) as supervisor:
         poll_until(supervisor, lambda: lines.count("a", "up") == lines.count("b", "up") == 1)

@@ -60,7 +60,7 @@ SIZES = [
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_what_is_missing_is_fetched_whole(
+def test_missing_asset_is_fetched_completely(
     endpoint: str,
     stores: tuple[Path, Path],
     monkeypatch: pytest.MonkeyPatch,

@@ -21,7 +21,7 @@ def test_it_is_touched_while_there_is_a_link_and_no_longer(tmp_path: Path) -> No
     assert not file.exists()
 
 
-def test_what_changes_is_said_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_changes_are_printed_once(capsys: pytest.CaptureFixture[str]) -> None:
     links = [True, False, False, True, True]
     liveness = LivenessFile("rover/imu", lambda: links.pop(0), {})
     for second in range(5):

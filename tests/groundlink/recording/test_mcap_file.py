@@ -65,7 +65,7 @@ def write(file: McapFile, begin: int, end: int) -> list[Row]:
     return sorted(written, key=lambda row: row[1])
 
 
-def test_it_is_whole_after_every_commit(file: McapFile, tmp_path: Path) -> None:
+def test_file_is_complete_after_every_commit(file: McapFile, tmp_path: Path) -> None:
     path, written = tmp_path / "a.mcap", []
     file.commit("topics", {"round": "none"})
     assert rows(path) == []
@@ -151,7 +151,7 @@ class Killed(BaseException):
 @pytest.mark.parametrize(
     ("call", "share"), [(1, 0.0), (1, 1.0), *((2, i / 10) for i in range(11)), (3, 0.0), (3, 1.0)]
 )
-def test_a_kill_while_chunks_are_written_leaves_a_whole_file(
+def test_kill_during_a_write_leaves_a_complete_file(
     file: McapFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: int, share: float
 ) -> None:
     """Killed in one of a commit's three writes: of tail, chunks, tail."""

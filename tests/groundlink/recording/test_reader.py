@@ -61,7 +61,7 @@ def test_one_without_its_end_says_what_mends_it(tmp_path: Path) -> None:
             Recording(tmp_path / "b.mcap")
 
 
-def test_a_damaged_chunk_is_said_when_it_is_met(tmp_path: Path) -> None:
+def test_damaged_chunk_is_reported_when_read(tmp_path: Path) -> None:
     whole = bytearray(recording(tmp_path / "a.mcap", 5000))
     begin = whole.index(b"zstd") + 12
     whole[begin : begin + 400] = bytes(400)

@@ -60,7 +60,7 @@ def test_noetic_knows_every_type() -> None:
     assert {form.ros_type for form in CODECS.values()} <= NOETIC.types.keys()
 
 
-def test_a_bag_has_topics_times_and_what_is_latched(tmp_path: Path) -> None:
+def test_bag_has_topics_times_and_latched_messages(tmp_path: Path) -> None:
     cdr = bytes(to_cdr(EXAMPLES["transforms"].message))
     kind = "tf2_msgs/msg/TFMessage"
     messages = [RecordedMessage(5, "/tf_static", kind, cdr), RecordedMessage(9, "/tf", kind, cdr)]

@@ -131,7 +131,7 @@ def test_check_is_content_with_the_default(
     assert "/ground_truth/odom, 50 Hz, sent to subscribers" in text
 
 
-def test_check_tells_of_the_truth(capsys: pytest.CaptureFixture[str], tmp_path: Any) -> None:
+def test_check_lists_ground_truth(capsys: pytest.CaptureFixture[str], tmp_path: Any) -> None:
     told = said(capsys, tmp_path, lidar=" truth: true,")
     assert "/points, /points/truth, 10 Hz" in told
     assert "ground truth:\n           messages of up to 1497817 bytes" in told

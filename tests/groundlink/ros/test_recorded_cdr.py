@@ -196,7 +196,7 @@ def test_a_command_is_of_the_time_when_it_was_recorded() -> None:
 
 
 @pytest.mark.parametrize("cut", [0, 3, 40])
-def test_what_is_no_message_is_refused(cut: int) -> None:
+def test_invalid_message_is_refused(cut: int) -> None:
     cdr = to_cdr(PointCloud(1, "f", memoryview(bytes(POINT.itemsize))))
     with pytest.raises(BadBusMessage, match="no PointCloud in this"):
         from_cdr(cdr[:cut], PointCloud, Moment(0, 0))

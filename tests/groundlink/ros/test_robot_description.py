@@ -53,7 +53,7 @@ def test_links_are_a_tree_below_the_base(name: str, place: int) -> None:
 
 
 @pytest.mark.parametrize(("name", "place"), ROWS)
-def test_sensors_are_where_tf_says(name: str, place: int) -> None:
+def test_sensors_are_placed_as_in_tf(name: str, place: int) -> None:
     vehicle, robot = described(name, place)
     for mount in mounts(vehicle, 0):
         origin = robot.find(f"joint[@name='{mount.child}_joint']/origin")

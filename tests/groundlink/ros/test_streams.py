@@ -30,7 +30,7 @@ def test_all_that_joint_states_and_tf_are_made_of_is_carried() -> None:
 
 
 @pytest.mark.parametrize("block_deg", [0.0, 15.0])
-def test_a_cloud_in_blocks_says_of_which_lidar_it_is(block_deg: float) -> None:
+def test_blocks_of_a_cloud_name_their_lidar(block_deg: float) -> None:
     lab = load("indoor_lab")
     (rover,) = lab.vehicles
     lidar = replace(rover.sensors[0], block_deg=block_deg)

@@ -59,9 +59,7 @@ def model(kind: str, wheels: list[dict[str, Any]], **fields: Any) -> VehicleMode
         ),
     ],
 )
-def test_what_is_driven_and_what_is_counted(
-    it: VehicleModel, driven: list[str], counted: list[str]
-) -> None:
+def test_driven_and_counted_wheels(it: VehicleModel, driven: list[str], counted: list[str]) -> None:
     shafts = it.drive.shafts(it.wheels)
     assert [shaft.name for shaft in shafts if shaft.driven] == driven
     assert [shaft.name for shaft in it.counted] == counted

@@ -58,7 +58,7 @@ def test_actors_come_after_links(two: Scenario) -> None:
         solids(replace(two, world=replace(two.world, actors=(other,))))
 
 
-def test_nobody_starts_in_an_actor(two: Scenario) -> None:
+def test_start_inside_an_actor_is_refused(two: Scenario) -> None:
     at_m = (two.vehicles[0].placement.x_m, two.vehicles[0].placement.y_m, 0.0)
     crate = Actor(
         name="crate", form=CrateForm(material="wood"), motion=FreeMotion(at_m=at_m, mass_kg=1.0)

@@ -68,7 +68,7 @@ def test_a_scenario_that_travelled_gives_the_same_hash(lab: Scenario) -> None:
 
 
 @pytest.mark.parametrize("what", ["seed", "material", "mass", "name", "furniture"])
-def test_the_hash_tells_worlds_apart(lab: Scenario, what: str) -> None:
+def test_hash_distinguishes_worlds(lab: Scenario, what: str) -> None:
     rover, world = lab.vehicles[0], lab.world
     heavy = replace(rover.model, chassis=replace(rover.model.chassis, mass_kg=50.0))
     wood = replace(world.materials["wood"], reflectivity=0.1)

@@ -58,7 +58,7 @@ def test_without_paint_all_faces_are_one_part() -> None:
         encode_mesh(VERTICES, FACES, None, PARTS[:1]),
     ],
 )
-def test_what_is_no_mesh_is_one_line(content: bytes) -> None:
+def test_invalid_mesh_gives_one_line(content: bytes) -> None:
     with pytest.raises(MissingAsset, match="are no mesh"):
         load_mesh(assets.put(content))
 

@@ -69,7 +69,7 @@ def test_driver_stops_at_the_end_reports_once_and_releases_the_vehicle() -> None
     assert rover.acks()[-1] == 72, "physics still waits for it"
 
 
-def test_it_stands_still_at_first_for_as_long_as_the_route_says() -> None:
+def test_driver_waits_at_the_start_of_the_route() -> None:
     rover = Rover(wait_seconds=0.1)
     for tick in range(400, 480):
         rover.driver.take(state(tick))

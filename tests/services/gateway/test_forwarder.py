@@ -19,7 +19,7 @@ SECOND = 1_000_000_000
 CLOCK_KEY = f"groundlink/{RUN}/clock"
 
 
-def test_it_tells_how_far_it_is_and_counts_clocks_that_the_bus_has_lost() -> None:
+def test_progress_is_acknowledged_and_lost_clocks_are_counted() -> None:
     acks: list[Ack] = []
     gateway: Any = SimpleNamespace(streams={})
     link: Any = None
@@ -34,7 +34,7 @@ def test_it_tells_how_far_it_is_and_counts_clocks_that_the_bus_has_lost() -> Non
 @pytest.mark.parametrize(
     ("seconds", "stale_seconds"), [(2.5, 0.0), (8.0, 5.0)], ids=["stood still", "cut off"]
 )
-def test_of_what_has_pile_up_the_stale_is_dropped_by_stamp_and_counted(
+def test_stale_messages_of_a_pile_are_dropped_and_counted(
     seconds: float, stale_seconds: float
 ) -> None:
     """Samples of 100 a second, each behind its clock, and all of them waiting."""

@@ -51,7 +51,7 @@ def run() -> Run:
 @pytest.mark.parametrize(
     ("readings", "not_come"), [([7, 8, 9], 0), ([7, 9], 1), ([7, 10, 11, 15], 5), ([12], 0)]
 )
-def test_what_is_left_out_between_two_is_counted(
+def test_readings_missing_between_two_are_counted(
     run: Run, sensor: str, readings: list[int], not_come: int
 ) -> None:
     run.came(sensor, *readings)
@@ -59,7 +59,7 @@ def test_what_is_left_out_between_two_is_counted(
     assert run.not_come(STREAMS[sensor]) == not_come
 
 
-def test_what_is_ahead_of_its_clock_waits_for_it(run: Run) -> None:
+def test_readings_ahead_of_the_clock_wait_for_it(run: Run) -> None:
     run.came("encoders", 5, 50, 51)  # 50 a second
     run.clock(0.1)
     assert run.not_come("/wheel_encoders") == 0

@@ -182,7 +182,7 @@ def listening(command: Command) -> tuple[str, int]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_the_command_relays_and_tells_its_counters(stack: ExitStack, number: int) -> None:
+def test_command_relays_and_prints_its_counters(stack: ExitStack, number: int) -> None:
     ros, received = end(stack)
     to = f"127.0.0.1:{ros.address[1]}"
     command = Command(

@@ -109,7 +109,7 @@ def test_a_vehicle_comes_drives_and_goes(here: Run) -> None:
     assert alone.last[0] > alone.pose[0, 0] + 0.5
 
 
-def test_actors_are_told_in_the_scenarios_order(here: Run) -> None:
+def test_actors_are_published_in_scenario_order(here: Run) -> None:
     here.spawn("crate", 0.0, 0.0, name="zebra")
     here.spawn("crate", 2.0, 0.0, name="ape")
     rows = floats(here.simulation.actor_poses()).reshape(-1, 7)

@@ -171,7 +171,7 @@ def test_angular_damping() -> None:
     assert spun.velocity[-1, 5] == pytest.approx(2.0 * exp(-1.0), rel=0.03)
 
 
-def test_nothing_is_damped_that_is_not_told_to_be() -> None:
+def test_only_declared_damping_acts() -> None:
     with put(model(), at=HIGH) as simulation:
         kick(simulation, angular=(0.0, 0.0, 2.0))
         spun = drive(simulation, 1.0)

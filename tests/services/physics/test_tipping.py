@@ -59,7 +59,7 @@ def test_the_sums_that_the_docs_have(name: str, rigid: float, sprung: float) -> 
     assert tipping_deg(shipped(name)) == pytest.approx(sprung, abs=0.2)
 
 
-def test_the_decontamination_robot_by_hand() -> None:
+def test_decontamination_robot_matches_manual_calculation() -> None:
     """At the limit all weight is on the lower wheel, at its stop, and the casters just touch."""
     model = shipped("decontamination_robot")
     travel, half_track, radius = 0.04, 0.27, 0.10

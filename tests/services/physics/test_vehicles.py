@@ -40,7 +40,7 @@ def test_stands_still_without_a_sound(name: str) -> None:
     np.testing.assert_allclose(stood.pose[-1], before, atol=1e-3)
 
 
-def test_drives_straight_as_its_odometry_says(name: str) -> None:
+def test_drives_straight_as_its_odometry_measures(name: str) -> None:
     model, speed = shipped(name), cruising_mps(name)
     with put(model, at=Placement(x_m=-10.0)) as simulation:
         drive(simulation, 0.5)

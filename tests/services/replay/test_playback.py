@@ -133,7 +133,7 @@ def test_from_an_instant_it_begins_with_a_clock(recorded: Recorded) -> None:
     assert order == [(20, "clock"), (25, "rover/imu")]
 
 
-def test_commands_are_played_and_what_the_stack_told_is_not(recorded: Recorded) -> None:
+def test_replay_publishes_commands_but_no_stack_messages(recorded: Recorded) -> None:
     messages = [clock(0), command(4), pose(6), clock(10)]
     assert [key for _, key, _ in played(recorded(messages))] == ["clock", "rover/command", "clock"]
 

@@ -307,9 +307,7 @@ FEW = settings(max_examples=8, suppress_health_check=[HealthCheck.function_scope
 @pytest.mark.parametrize("strategy", STRATEGIES)
 @FEW
 @given(data=st.data())
-def test_of_a_whole_run_nothing_is_missing(
-    strategy: st.SearchStrategy[Any], data: st.DataObject
-) -> None:
+def test_complete_run_lacks_nothing(strategy: st.SearchStrategy[Any], data: st.DataObject) -> None:
     fed = Fed(data.draw(strategy))
     for state in STATES:
         fed.process.take(state)

@@ -127,7 +127,7 @@ def test_without_any_truth_no_more_than_some_wait() -> None:
     assert len(messages) == 1 + HELD
 
 
-def test_actors_are_where_they_were_told_last() -> None:
+def test_actors_stay_at_their_last_published_pose() -> None:
     names = body_names(WITH_CRATE, ())
     poses = np.zeros((len(names), 7))
     poses[:, 6] = 1.0

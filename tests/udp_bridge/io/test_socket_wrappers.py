@@ -96,7 +96,7 @@ def test_what_is_not_sealed_for_us_is_counted_and_changes_nothing(
     assert ros.counters()["received_datagrams"] == 4
 
 
-def test_a_link_without_key_says_what_came(stack: ExitStack) -> None:
+def test_link_without_key_reports_sealed_datagrams(stack: ExitStack) -> None:
     plain = stack.enter_context(Link(LOCAL))
     gateway, _ = end(stack, SealedSocket(Tap(), SECRET, sends=TO_ROS), peer=plain.address)
     gateway.send(9, "/cmd_vel", "", 1, b"twist")
@@ -113,7 +113,7 @@ def test_a_restarted_sender_is_understood(stack: ExitStack) -> None:
     assert ros.counters()["refused"] == {}
 
 
-def test_only_peers_are_heard(stack: ExitStack) -> None:
+def test_only_peers_are_received(stack: ExitStack) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(LOCAL)
         friend_address = probe.getsockname()

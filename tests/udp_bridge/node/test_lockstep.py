@@ -146,7 +146,7 @@ def test_a_node_from_the_start_replies_when_all_responses_are_there(rig: Rig) ->
     assert rig.ros.warnings == ["lockstep: tick 0 waits for a message on /cmd_vel"]
 
 
-def test_a_successor_asks_for_what_was_sent_before_it_was_there(rig: Rig) -> None:
+def test_successor_requests_messages_sent_before_its_start(rig: Rig) -> None:
     rig.told(8, first=5, come=False)
     rig.turn(SETTLE_S)
     assert [reply.state for reply in rig.ros.replies] == [RESTARTED, RESTARTED]

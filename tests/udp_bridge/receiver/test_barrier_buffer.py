@@ -122,7 +122,7 @@ def test_messages_are_published_by_stamp_and_clock_last() -> None:
     assert in_order(reversed(wanted)) == wanted
 
 
-def test_announced_counts_return_what_was_sent_since() -> None:
+def test_announced_counts_release_later_messages() -> None:
     announced = AnnouncedCounts()
     assert announced.unannounced({(ODOM, "/odom"): 2, (IMU, "/imu"): 0}) == (
         SentMessages(ODOM, "/odom", 0, 2),

@@ -79,7 +79,7 @@ def test_a_forged_jump_takes_no_memory(outcomes: MessageOutcomes) -> None:
     assert counts(outcomes)[0] == 2**31
 
 
-def test_only_what_was_repaired_and_delivered_counts_as_repaired(outcomes: MessageOutcomes) -> None:
+def test_repaired_counts_delivered_messages_only(outcomes: MessageOutcomes) -> None:
     outcomes.settle(0, "delivered")
     for number, outcome in ((1, "delivered"), (2, "incomplete"), (3, "late")):
         outcomes.mark_repaired(number)

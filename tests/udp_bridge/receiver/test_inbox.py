@@ -104,7 +104,7 @@ def test_a_duplicate_took_buffer_too_and_is_acknowledged() -> None:
     assert len(bench.receive(cloud(5000))) == 4
 
 
-def test_a_late_message_that_becomes_whole_amid_its_parts_is_acknowledged(bench: Bench) -> None:
+def test_late_message_completed_within_a_batch_is_acknowledged(bench: Bench) -> None:
     first, *rest = cut(cloud(5000))
     for datagram in (*rest, *cut(cloud(5000, 5))):
         bench.inbox.receive(datagram, SENDER, 0)

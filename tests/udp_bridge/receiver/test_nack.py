@@ -105,7 +105,7 @@ def test_lost_messages_are_requested_together(bench: Bench) -> None:
     assert bench.due(MS) == [(104, (-1,))]
 
 
-def test_a_whole_message_on_its_way_is_not_requested_part_by_part(bench: Bench) -> None:
+def test_pending_complete_message_is_not_requested_by_parts(bench: Bench) -> None:
     bench.receive(0, *range(PARTS), seq=101)
     assert bench.due(MS) == [(100, (-1,))]
     bench.receive(20 * MS, 0, 1, 2, seq=100)

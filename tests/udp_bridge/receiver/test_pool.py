@@ -9,7 +9,7 @@ def pool() -> BlockPool:
     return BlockPool()
 
 
-def test_a_block_is_used_again_when_nobody_looks_into_it(pool: BlockPool) -> None:
+def test_block_is_reused_when_unreferenced(pool: BlockPool) -> None:
     block = pool.lease(100_000)
     assert pool.lease(100_000) is block
     view = memoryview(block)[10:20].toreadonly()

@@ -123,7 +123,7 @@ def test_a_message_has_the_number_of_those_before_it(signed_peer: bool, modulus:
     assert [counter.next_number((1, "/a"), 0, 1) for _ in range(2)] == [modulus - 1, 0]
 
 
-def test_topics_that_are_forgotten_begin_anew(counter: DeliveryCounter) -> None:
+def test_forgotten_topics_start_over(counter: DeliveryCounter) -> None:
     counter.next_number((1, "/first"), 0, 1)
     for index in range(MAX_TOPICS):
         counter.next_number((1, str(index)), 0, 1)

@@ -27,7 +27,7 @@ def test_modes_that_users_write(said: object, mode: Mode | None) -> None:
     ["fec", "all", 3, {}, {"fec": 0}, {"fec": 1.5}, {"fec": True}, {"resend": 0}, {"resend": 61},
      {"fec": float("nan")}, {"fec": 0.1, "resend": 1}, {"rs": 0.2}],
 )  # fmt: skip
-def test_what_is_no_mode_is_said_in_one_line(said: object) -> None:
+def test_invalid_mode_gives_one_line(said: object) -> None:
     with pytest.raises(BadMessage, match="is neither none, resend") as error:
         parse_mode(said)
     assert "\n" not in str(error.value)

@@ -158,7 +158,7 @@ def test_destinations_take_turns() -> None:
     assert order == ["a", "c", "a", "c", "a", "a"]
 
 
-def test_what_can_not_be_sent_is_not_queued() -> None:
+def test_unsendable_messages_are_not_queued() -> None:
     box = SendQueue(TO, "mtu", signed_peer=True)
     with pytest.raises(BadMessage, match="take 235 bytes"):
         box.put(message("/" + "x" * 234))

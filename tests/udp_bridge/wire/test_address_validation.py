@@ -43,7 +43,7 @@ def test_another_size_is_refused() -> None:
             control.parse(wrong)
 
 
-def test_a_cookie_validates_its_address_in_its_time_alone(validator: AddressValidator) -> None:
+def test_cookie_validates_its_address_within_its_time(validator: AddressValidator) -> None:
     cookie = validator.cookie(HERE, 0)
     assert not validator.respond(("192.0.2.2", 7510), cookie, 0)
     assert not validator.respond(("192.0.2.1", 7511), cookie, 0)
@@ -72,7 +72,7 @@ def test_a_validation_is_renewed_before_it_ends(validator: AddressValidator) -> 
     assert not validator.is_renewal_due(HERE, 41 * SECOND)
 
 
-def test_an_unvalidated_address_is_sent_what_came_and_no_more(validator: AddressValidator) -> None:
+def test_unvalidated_address_gets_no_more_bytes_than_received(validator: AddressValidator) -> None:
     assert not validator.spend(HERE, 1)
     validator.received(HERE, 100)
     assert validator.spend(HERE, 60)

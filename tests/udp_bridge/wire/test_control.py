@@ -143,7 +143,7 @@ def test_what_no_peer_takes_is_not_packed(subscribe: Subscribe) -> None:
         subscribe.pack()
 
 
-def test_a_link_report_tells_the_most_frequent_reasons() -> None:
+def test_link_report_has_the_most_frequent_reasons() -> None:
     refused = {f"reason_{number}": number for number in range(1, 41)}
     report = LinkReport.of(1, 2, 3, 4, refused)
     assert report.refused == 820

@@ -94,7 +94,7 @@ def test_the_body_is_sliced_not_copied() -> None:
     assert [part.obj for part in parts] == [body] * 3
 
 
-def test_headers_differ_in_the_part_number_alone() -> None:
+def test_headers_differ_in_the_part_number_only() -> None:
     headers = [parse(header)[0] for header, _ in fragments(message(bytes(3000)), "mtu")]
     assert [header.part_number for header in headers] == [0, 1, 2]
     assert {header._replace(part_number=0) for header in headers} == {headers[0]}

@@ -75,7 +75,7 @@ def test_a_changed_byte_parses_or_is_refused(header: Header, index: int, value: 
         pass
 
 
-def test_fields_lie_where_the_table_says() -> None:
+def test_field_offsets_match_the_table() -> None:
     packed = HEADER.pack()
     assert packed[:2] == bytes([9, 32])
     assert packed[2:8] == bytes([5, 0, 0, 0, 0, 1])

@@ -47,7 +47,7 @@ def test_a_key_of_the_environment() -> None:
         (b"a pass phrase of some length", 0o604, "others may use it"),
     ],
 )
-def test_what_is_no_key(tmp_path: Path, text: bytes, mode: int, words: str) -> None:
+def test_invalid_keys(tmp_path: Path, text: bytes, mode: int, words: str) -> None:
     file = key_file(tmp_path, text, mode)
     with pytest.raises(BadKey, match=r"^[^\n]+$") as refused:
         read_key(file, None, {})
@@ -72,7 +72,7 @@ def test_where_no_key_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("why", REFUSAL_HINTS)
-def test_a_key_that_does_not_fit_is_told_once(why: str) -> None:
+def test_mismatched_key_is_reported_once(why: str) -> None:
     misfits = RefusalHints()
     few = TOLERATED.get(why, 0)
     assert misfits.new({"too_short": 3, why: few}) == []

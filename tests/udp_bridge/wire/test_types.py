@@ -14,7 +14,7 @@ def test_every_ros_type_has_a_vector_which_pins_its_number() -> None:
 
 
 @pytest.mark.parametrize("row", MSG_TYPES.values(), ids=lambda row: row.name)
-def test_row_is_whole(row: MessageType) -> None:
+def test_row_is_complete(row: MessageType) -> None:
     assert MSG_TYPES[row.number] is row
     assert type_number(row.name) == row.number
     assert row.direction in ("to ROS", "from ROS", "both")

@@ -8,7 +8,7 @@ from groundlink.loader.scenario_files import SHIPPED
 
 
 @pytest.mark.parametrize(("name", "drives"), [("indoor_lab", False), ("indoor_lab_tour", True)])
-def test_a_route_is_told_with_its_length(
+def test_route_is_printed_with_its_length(
     name: str, drives: bool, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["check", str(SHIPPED / f"{name}.yaml")]) == 0

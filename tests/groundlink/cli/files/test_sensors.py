@@ -48,9 +48,7 @@ def test_every_kind_and_every_sheet_is_listed(capsys: pytest.CaptureFixture[str]
 
 
 @pytest.mark.parametrize("file", SHEETS, ids=lambda file: file.stem)
-def test_a_sheet_is_shown_with_all_its_file_says(
-    file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_sheet_is_shown_completely(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = file.read_text(encoding="utf-8")
     shown = said(capsys, "show", file.stem)
     assert text.strip() in shown
@@ -58,7 +56,7 @@ def test_a_sheet_is_shown_with_all_its_file_says(
     assert "datasheet:" in text, "a shipped sheet names its source"
 
 
-def test_what_a_sheet_leaves_out_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_fields_missing_from_a_sheet_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     shown = " ".join(said(capsys, "show", "hc_sr04").split())
     assert "Defaults of parameters that the sheet does not set: rays 128, echo nearest," in shown
     assert "range_stddev_m 0.0" not in shown, "which the sheet states"
@@ -137,9 +135,7 @@ def test_an_unknown_sheet_is_answered_with_the_nearest(
     assert "did you mean `vlp16`?" in error
 
 
-def test_a_file_that_is_not_there_is_told_as_it_was_given(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_missing_file_is_named_as_given(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "none.yaml"
     error = said(capsys, "show", str(file), code=2)
     assert error == f"groundlink: `{file}`: no such file\n"

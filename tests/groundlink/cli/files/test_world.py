@@ -68,7 +68,7 @@ def test_a_mesh_or_scan_becomes_a_world(
     assert mesh.position_m[0] + (low[0] + high[0]) / 2 == pytest.approx(0.0, abs=1e-3)
 
 
-def test_units_are_as_told(tmp_path: Path) -> None:
+def test_units_follow_the_option(tmp_path: Path) -> None:
     scenario = load(imported(tmp_path, "box.stl", MESHES["box.stl"], "--scale", "0.5", "--up", "y"))
     shape = scenario.world.solids[1].shape
     assert shape.high_m == pytest.approx((0.25, 0.75, 0.5))  # type: ignore[union-attr]

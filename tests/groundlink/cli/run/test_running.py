@@ -11,7 +11,7 @@ from groundlink.scenario.ros_side import GatewaySettings
 
 
 @pytest.mark.parametrize("package", ["mcap", "rosbags", "zstandard"])
-def test_a_recorder_that_cannot_work_is_told_of_before_the_run(
+def test_unusable_recorder_is_reported_before_the_run(
     package: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Physics would wait for it at the first tick, while a real-time run goes on without it."""

@@ -48,7 +48,7 @@ def test_bytes_become_keys(typed: bytes, expected: list[str]) -> None:
         ("w" + 40 * "+", (1.5, 0.0)),
     ],
 )
-def test_each_key_asks_for_its_velocity(
+def test_each_key_commands_its_velocity(
     board: Keyboard, pressed: str, twist: tuple[float, float]
 ) -> None:
     for key in pressed:

@@ -58,7 +58,7 @@ def holes(made: StreamCompleteness) -> list[tuple[str, int, int, int]]:
     ]
 
 
-def test_of_a_whole_recording_nothing_is_missing() -> None:
+def test_complete_recording_lacks_nothing() -> None:
     made = completeness(*range(100))
     assert (made.due, made.published, holes(made)) == (100, 100, [])
 
@@ -85,7 +85,7 @@ def test_what_nobody_told_is_seen() -> None:
     ]
 
 
-def test_what_is_in_the_file_was_published_whatever_was_told() -> None:
+def test_recorded_readings_count_as_published_despite_gaps() -> None:
     """A successor counts from its predecessor's last word, after which more may have gone out."""
     made = completeness(*range(50), *range(60, 100))
     made.add_report(gaps(("restarted", 45, 59)), EPOCH)

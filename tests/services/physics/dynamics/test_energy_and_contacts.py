@@ -116,7 +116,7 @@ def test_a_point_belongs_to_the_solid_whose_surface_is_nearest(
     assert (contact.name, contact.force_n, contact.tick, contact.ticks) == (name, 12.0, 7, 1)
 
 
-def test_the_largest_force_is_told_with_its_tick() -> None:
+def test_largest_force_is_reported_with_its_tick() -> None:
     energy_and_contacts = EnergyAndContacts()
     for tick, force in ((4, 1.0), (5, 3.0), (5, 2.0), (6, 2.0)):
         energy_and_contacts.touched((tick, 1, (0.5, 0.0, 0.0), force))

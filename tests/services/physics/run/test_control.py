@@ -110,7 +110,7 @@ def test_busy_run_refuses_commands(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "busy" in msgspec.json.decode(answer, type=ControlAnswer).error
 
 
-def test_the_world_is_changed_between_two_ticks_or_the_reason_told() -> None:
+def test_world_changes_between_ticks_or_gives_a_reason() -> None:
     loop = Loop()
     loop.turn(5)
     assert loop.commanded(Spawn(KINDS["box"])) == ControlAnswer("", 5, False)

@@ -128,7 +128,7 @@ def test_values_are_those_of_the_stamp(rate_hz: float) -> None:
             assert there == moving(tick).vehicles["rover"], "to the last bit"
 
 
-def test_a_vehicle_that_comes_later_is_told_of_from_then_on() -> None:
+def test_ground_truth_of_a_later_vehicle_starts_with_it() -> None:
     truth = VehicleTruth(vehicle(30.0), from_tick=100)
     due = [truth.due(moving(tick)) for tick in range(100, 501)]
     stamps = [told[0] - EPOCH for told in due if told is not None]
@@ -166,7 +166,7 @@ def test_the_bodies_are_all_links_and_all_solids_where_they_are(lab: Scenario) -
     assert len(where) == 10 + len(static)
 
 
-def test_a_changed_world_has_its_bodies_told_at_the_same_instants(lab: Scenario) -> None:
+def test_bodies_of_a_changed_world_are_published_at_the_same_instants(lab: Scenario) -> None:
     truth = BodyTruth(replace(lab, bodies=BodyPoses(rate_hz=100.0)), solids(lab))
     told = [truth.poses(state(tick)) for tick in range(4)]
     _, more = addition("crate", at=SpawnPlace(1.0, 0.0), name=None, taken=(), ground=None)

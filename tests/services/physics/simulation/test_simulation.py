@@ -50,7 +50,7 @@ def test_all_four_wheels_carry_alike(start: Start) -> None:
 
 
 @pytest.mark.parametrize("speed", [0.5, 1.0, -0.5, -1.0])
-def test_drives_as_fast_as_it_is_told(start: Start, speed: float) -> None:
+def test_drives_at_the_commanded_speed(start: Start, speed: float) -> None:
     simulation = start(CENTER)
     first = run(simulation, 2.0, (speed, 0.0))
     steady = run(simulation, 1.0, (speed, 0.0))
@@ -65,7 +65,7 @@ def test_drives_as_fast_as_it_is_told(start: Start, speed: float) -> None:
 
 @pytest.mark.parametrize("heading_deg", [0.0, 45.0, 90.0])
 @pytest.mark.parametrize("rate", [0.5, 1.0, -1.0])
-def test_turns_as_fast_as_it_is_told_on_every_heading(
+def test_turns_at_the_commanded_rate_on_every_heading(
     start: Start, rate: float, heading_deg: float
 ) -> None:
     simulation = start(Placement(x_m=0.0, yaw_deg=heading_deg), only=FLOOR)
@@ -136,7 +136,7 @@ def test_speeds_are_clipped(lab: Scenario, start: Start) -> None:
 
 
 @pytest.mark.parametrize("value", [nan, inf, -inf])
-def test_refuses_what_is_not_finite(start: Start, value: float) -> None:
+def test_refuses_values_that_are_not_finite(start: Start, value: float) -> None:
     with pytest.raises(ValueError, match="finite"):
         start().command(ROVER, Command(0, (0.0, value, 0.0), (0.0, 0.0, 0.0)))
 

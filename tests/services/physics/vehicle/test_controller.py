@@ -104,7 +104,7 @@ def test_velocity_ramps(lab: Scenario) -> None:
     assert max(ramp) <= 1.0 + 1e-12
 
 
-def test_a_motors_latency_delays_what_it_is_asked_for(model: VehicleModel) -> None:
+def test_motor_latency_delays_commands(model: VehicleModel) -> None:
     slow = Motor(stall_torque_nm=1.0, no_load_speed_radps=1.0, latency_s=0.05)
     drive = Controller(replace(model, drive=replace(model.drive, motor=slow)))
     drive.command(twist(0, 0.5))

@@ -25,7 +25,7 @@ def turned(it: SteeringJoint, asked: float, *, grip: float = 0.0, rolling: float
     return it.angle_rad
 
 
-def test_it_goes_where_it_is_asked_to_and_no_further_than_its_range() -> None:
+def test_joint_reaches_its_command_within_its_range() -> None:
     assert turned(steering_joint(), 0.2) == pytest.approx(0.2)
     assert turned(steering_joint(max_steering_deg=25.0), -1.0) == pytest.approx(-radians(25.0))
 

@@ -57,7 +57,7 @@ def test_a_joint_goes_to_its_target_at_its_speed_and_stays() -> None:
     assert servos.speeds == [0.0]
 
 
-def test_it_goes_as_slowly_as_it_is_told_and_no_faster_than_it_can() -> None:
+def test_servo_keeps_commanded_and_maximum_speed() -> None:
     for said, speed in ((0.2, 0.2), (-0.2, 0.2), (0.0, 0.5), (9.0, 0.5)):
         servos = Servos((TURRET,))
         servos.command(asked(turret=3.0, velocities=(said,)))

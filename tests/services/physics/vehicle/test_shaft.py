@@ -35,7 +35,7 @@ def test_in_the_air_a_motor_turns_it_by_its_torque_and_its_inertia() -> None:
     assert it.angle_rad == pytest.approx(55 * TICK_SECONDS**2 * 2.0 / INERTIA)
 
 
-def test_a_motor_that_is_strong_enough_holds_the_speed_that_it_is_asked_for() -> None:
+def test_strong_motor_holds_the_commanded_speed() -> None:
     it = shaft()
     for _ in range(100):
         it.tires[0].meet(1.0, 0.0, 50.0)
@@ -63,7 +63,7 @@ def test_a_free_wheel_rolls_along(ground_mps: float) -> None:
     assert it.tread_mps == pytest.approx(ground_mps)
 
 
-def test_a_free_wheel_comes_to_roll_by_friction_alone() -> None:
+def test_friction_makes_a_free_wheel_roll() -> None:
     it = shaft()
     roll(it, 5.0, (100.0,), ticks=4)
     assert it.speed_radps == pytest.approx(4 * TICK_SECONDS * 100.0 * RADIUS_M / INERTIA)

@@ -88,7 +88,7 @@ def test_a_cars_wheels_roll_on_circles_about_one_point() -> None:
     assert track > 0
 
 
-def test_a_car_asked_to_turn_in_place_does_not_move() -> None:
+def test_car_ignores_turning_in_place() -> None:
     geometry = steering(car())
     before = geometry.angles((1.0, 0.1))
     assert geometry.angles((0.0, 1.0)) == before

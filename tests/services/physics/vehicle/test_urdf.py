@@ -28,7 +28,7 @@ def numbers(element: ElementTree.Element | None, key: str) -> list[float]:
     return [float(word) for word in element.attrib[key].split()]
 
 
-def test_it_weighs_what_the_model_says(robot: ElementTree.Element) -> None:
+def test_mass_matches_the_model(robot: ElementTree.Element) -> None:
     masses = [float(mass.attrib["value"]) for mass in robot.iter("mass")]
     assert sum(masses) == pytest.approx(55.0, abs=0.5)
     assert all(mass > 0 for mass in masses)

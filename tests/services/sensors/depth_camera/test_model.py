@@ -166,9 +166,7 @@ def test_a_state_without_its_vehicle_is_refused_and_forgotten() -> None:
         ),
     ],
 )
-def test_the_largest_message_is_at_most_as_large_as_told(
-    fields: dict[str, Any], output: str
-) -> None:
+def test_largest_message_is_within_its_declaration(fields: dict[str, Any], output: str) -> None:
     made = world()
     told = body_bytes(made.vehicles[0], spec(**fields))
     streams = taken(camera(**fields), resting(1))

@@ -121,7 +121,7 @@ def test_between_two_ticks_as_much_is_missed_as_of_the_way(rate_hz: float) -> No
 # Resets
 
 
-def test_counters_begin_anew_after_a_reset() -> None:
+def test_counters_restart_after_a_reset() -> None:
     model = encoders(resets_s=(0.01, 0.0301))
     ticks = counts(readings(model, turned(np.arange(20) * 10 * RESOLUTION)))[:, 0]
     # A reading of the very instant is that of before; 30.1 ms are in effect from tick 13 on.
@@ -156,7 +156,7 @@ def bytes_of(taken: Sequence[messages.WheelEncoders]) -> dict[int, bytes]:
     return {reading.stamp_nanos: encode(reading) for reading in taken}
 
 
-def test_an_empty_memory_begins_anew() -> None:
+def test_empty_memory_starts_over() -> None:
     run = moving()
     whole = bytes_of(readings(encoders(**FAULTY), run))
     model = encoders(**FAULTY)

@@ -57,7 +57,7 @@ def counts(taken: Iterable[messages.WheelEncoders]) -> NDArray[np.int64]:
 
 
 @pytest.mark.parametrize("turns", [1, -1, 3, -250, 100_000])
-def test_a_whole_turn_is_the_declared_number_of_ticks(turns: int) -> None:
+def test_full_turn_has_the_declared_number_of_ticks(turns: int) -> None:
     taken = readings(encoders(), turned([0.0, turns * 2 * math.pi]))
     assert counts(taken).tolist() == [[0, 0], [turns * TICKS_PER_REVOLUTION] * 2]
 

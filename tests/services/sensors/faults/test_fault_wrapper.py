@@ -142,7 +142,7 @@ RATES_HZ = {"imu": 130.0, "encoders": 60.0, "lidar": 10.0}
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", FAULTS)
-def test_each_reading_that_is_due_comes_or_is_told_under_its_fault(kind: str, name: str) -> None:
+def test_due_readings_are_published_or_reported_under_their_fault(kind: str, name: str) -> None:
     """Also where the sensor is started again in the midst of it, which is no gap of its own."""
     due = Events(RATES_HZ[kind], first=2 if kind == "imu" else 0)
     line = line_of(KINDS[kind], FAULTS[name], (301, 640), due)

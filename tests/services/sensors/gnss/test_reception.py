@@ -43,7 +43,7 @@ def test_too_few_or_all_at_one_height_give_no_position() -> None:
 
 
 @pytest.mark.parametrize(("side", "x_m", "seen"), [("west", -2.0, 1), ("east", 2.0, 0)])
-def test_a_wall_hides_what_is_behind_it(side: str, x_m: float, seen: int) -> None:
+def test_wall_hides_objects_behind(side: str, x_m: float, seen: int) -> None:
     """A low satellite in the east, beside five that no wall of this height hides."""
     satellites = (
         (90.0, 20.0),

@@ -143,7 +143,7 @@ def test_another_vehicle_is_where_it_is_at_each_rays_instant() -> None:
     assert set(cloud.records()["intensity"][on_it]) <= set(range(11))
 
 
-def test_a_near_surface_hides_what_is_behind() -> None:
+def test_near_surface_hides_those_behind() -> None:
     plate = {
         "name": "plate",
         "shape": {"kind": "box", "size_m": [0.01, 0.4, 0.4]},

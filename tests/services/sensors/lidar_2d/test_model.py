@@ -168,7 +168,7 @@ def test_blocks_together_are_the_turn() -> None:
 
 
 @pytest.mark.parametrize("block_deg", [0.0, 90.0])
-def test_what_check_says_of_its_size_is_the_largest_message(block_deg: float) -> None:
+def test_declared_size_is_the_largest_message(block_deg: float) -> None:
     made = planes.scenario(**HOKUYO, block_deg=block_deg)
     (vehicle,) = made.vehicles
     sizes = {len(to_cdr(scan)) for scan in planes.scans(made)}

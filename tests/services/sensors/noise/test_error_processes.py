@@ -92,7 +92,7 @@ def test_a_gauss_markov_process_rises_and_falls_as_it_should() -> None:
 
 
 @pytest.mark.parametrize("source", ["marsaglia", "numpy"])
-def test_a_block_is_the_same_whatever_was_asked_before(source: str) -> None:
+def test_block_does_not_depend_on_earlier_blocks(source: str) -> None:
     late = BLOCKS_PER_DRAW + 3
     model = walks(1.0, 30.0, source=source)
     whole = {index: model.block(index).tobytes() for index in range(late + 1)}
@@ -102,6 +102,6 @@ def test_a_block_is_the_same_whatever_was_asked_before(source: str) -> None:
     assert walks(1.0, 30.0, source=source, seed=2).block(5).tobytes() != whole[5]
 
 
-def test_nothing_asked_for_is_nothing() -> None:
+def test_no_output_without_request() -> None:
     assert not path(walks(0.0), 1).any()
     assert not path(walks(0.0, 10.0), 1).any()

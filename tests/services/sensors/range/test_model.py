@@ -85,7 +85,7 @@ def test_a_wall_ahead_is_as_far_as_it_is(distance_m: float) -> None:
     assert (reading.frame, reading.variance_m2) == ("sonar_link", 0.0)
 
 
-def test_limits_and_failures_are_told_as_rep_117_has_it() -> None:
+def test_limits_and_failures_follow_rep_117() -> None:
     assert measured(yard()) == math.inf
     assert measured(yard(wall(4.1))) == math.inf
     assert measured(yard(wall(0.1)), min_range_m=0.2) == -math.inf
@@ -162,7 +162,7 @@ def test_moving_towards_a_wall_the_distance_is_that_of_the_stamp() -> None:
         ({"range_stddev_m": 0.03, "range_stddev_per_m": 0.01}, 0.05),
     ],
 )
-def test_noise_is_normal_and_as_large_as_told(noise: dict[str, float], sigma_m: float) -> None:
+def test_noise_is_normal_with_its_deviation(noise: dict[str, float], sigma_m: float) -> None:
     taken = readings(
         finder(yard(wall(2.0)), rate_hz=400, field_of_view_deg=1, rays=1, **noise), resting(2000)
     )

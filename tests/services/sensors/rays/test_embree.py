@@ -44,7 +44,7 @@ def test_a_missing_library_is_one_line_with_advice(
     assert "\n" not in str(caught.value)
 
 
-def test_a_wheel_without_embree_is_told(
+def test_wheel_without_embree_gives_one_line(
     monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     elsewhere = SimpleNamespace(origin=str(tmp_path_factory.mktemp("site") / "embreex" / "x.py"))

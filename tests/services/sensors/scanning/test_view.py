@@ -34,7 +34,7 @@ def test_a_view_of_less_than_a_turn_has_both_its_ends() -> None:
     np.testing.assert_allclose(seconds, np.arange(1081) / (1440 * 40), atol=1e-12)
 
 
-def test_a_whole_turn_ends_before_it_begins_anew() -> None:
+def test_full_turn_ends_before_the_next() -> None:
     whole = {"field_of_view_deg": 360.0, "firings_per_revolution": 360}
     assert directions(**whole, start_deg=90.0)[0, :3].tolist() == pytest.approx([90, 89, 88])
     assert directions(**whole, start_deg=0.0).shape == (1, 360)

@@ -215,7 +215,7 @@ def test_gray_jpegs_show_the_same() -> None:
         assert np.abs(decoded.astype(int) - pixels(streams[raw][0])).mean() < 2.0
 
 
-def test_the_largest_message_is_as_large_as_told() -> None:
+def test_largest_message_matches_its_declaration() -> None:
     made = world()
     told = body_bytes(made.vehicles[0], spec())
     assert 0 <= told - len(taken(resting(1), made, spec())["right"][0].data) < 200

@@ -133,7 +133,7 @@ def test_the_first_reading_is_the_origin_wherever_the_counters_stand() -> None:
     assert not covariance(taken[0].pose_covariance)[np.ix_(KNOWN, KNOWN)].any()
 
 
-def test_it_takes_the_radius_that_it_is_told() -> None:
+def test_odometry_uses_its_configured_radius() -> None:
     way = np.linspace(0, 1, 401)
     taken = readings(odometry(wheel_radius_m=2 * RADIUS_M), rolled(way, way))
     assert taken[-1].position_m[0] == pytest.approx(2, abs=1e-3)

@@ -85,7 +85,7 @@ def taken(spec: Optics) -> tuple[Frame, Labels]:
     ],
     ids=["ideal", "bent", "fisheye", "grain", "all", "gray", "bayer"],
 )
-def test_color_is_what_is_published(fields: dict[str, Any]) -> None:
+def test_published_color(fields: dict[str, Any]) -> None:
     made, spec = world(), Camera(**COLOR, **fields)
     sent = published(CameraModel(made, made.vehicles[0], spec), "image")
     assert np.array_equal(taken(spec)[0].color, sent)
