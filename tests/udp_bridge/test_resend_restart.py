@@ -51,14 +51,14 @@ def test_nothing_is_lost_or_doubled(kind: str, datagram: object, size: int, peri
         body = rng.randbytes(size)
         sent = range(0, 6 * SECOND, period)
         for stamp in sent:
-            sim.send(stamp, Message(1, "/p", "l", stamp, 0, body))
+            sim.send_at(stamp, Message(1, "/p", "l", stamp, 0, body))
         sim.run(8 * SECOND)
         came = [message.stamp_nanos for _, message in sim.delivered]
         assert len(came) == len(set(came)), seed
         for stamp in set(sent) - set(came):
             assert any(0 < when - stamp <= REPAIR_TIME for when in restarts), (seed, stamp)
         # The receiver's report is about what was sent since the last restart, and all of it.
-        report = sim.inbox.reassembler.reports(SENDER, 0)[0][2]
+        report = sim.receiver.reassembler.reports(SENDER, 0)[0][2]
         since_restart = [stamp for stamp in sent if stamp >= restarts[-1]]
         assert (report.first_number, report.numbers, report.missing) == (0, len(since_restart), 0)
         assert report.first_seen_stamp_nanos >= restarts[-1]

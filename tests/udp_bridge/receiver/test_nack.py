@@ -5,7 +5,16 @@ import random
 
 import pytest
 
-from tests.udp_bridge.simulated import MS, SECOND, Loss, Simulation, bursts, independent, no_loss
+from tests.udp_bridge.simulated import (
+    MS,
+    SECOND,
+    SENDER,
+    Loss,
+    Simulation,
+    bursts,
+    independent,
+    no_loss,
+)
 from udp_bridge import Message
 from udp_bridge.receiver.nack import MAX_ENTRIES, MAX_TRIES, NackTracker
 from udp_bridge.sender.repair import Fec, Resend
@@ -244,7 +253,7 @@ def clouds(sim: Simulation, count: int) -> list[Message]:
     some = [rng.randbytes(64 * 232 - 5) for _ in range(4)]
     sent = [Message(1, "/p", "l", i * 100 * MS, i, some[i % 4]) for i in range(count)]
     for message in sent:
-        sim.send(message.stamp_nanos, message)
+        sim.send_at(message.stamp_nanos, message)
     sim.run(count * 100 * MS + 2 * SECOND)
     return sent
 
@@ -271,14 +280,14 @@ def test_9990_of_10000_arrive_in_time_over_20_ms(kind: str) -> None:
     assert all(message.body == sent[message.seq_number].body for _, message in sim.delivered)
     slowest = max(when - message.stamp_nanos for when, message in sim.delivered)
     assert slowest <= 500 * MS + 10 * MS
-    counters = sim.inbox.reassembler.counters
+    counters = sim.receiver.reassembler.counters
     assert (counters.late, counters.incomplete, counters.refused) == (0, 0, {})
     assert counters.repaired > 180
-    report = sim.inbox.reassembler.reports(("192.0.2.1", 1), 0)[0][2]
+    report = sim.receiver.reassembler.reports(SENDER, 0)[0][2]
     assert (report.numbers, report.missing, report.incomplete) == (400, 0, 0)
     assert report.repaired == counters.repaired
     # What goes out again is what was lost, and little more.
-    lost = sim.sent_datagrams - sim.inbox.datagrams
+    lost = sim.sent_datagrams - sim.receiver.datagrams
     assert sim.queue.resender.resent < 1.2 * lost
 
 
@@ -288,7 +297,7 @@ def test_without_loss_nothing_is_requested() -> None:
     assert [message for _, message in sim.delivered] == [
         message._replace(parts=64) for message in sent
     ]
-    assert (sim.inbox.requests_sent, sim.inbox.reassembler.counters.repaired) == (0, 0)
+    assert (sim.receiver.requests_sent, sim.receiver.reassembler.counters.repaired) == (0, 0)
 
 
 def losing(*is_lost: bool) -> Simulation:
@@ -305,18 +314,18 @@ def test_a_repaired_message_behind_a_newer_one_is_delivered(stamp: int) -> None:
     sim = losing(False, False, True)
     for index in range(4):
         stamps = (0, stamp, 2, 3)
-        sim.send(index * 4 * MS, Message(2, "/p", "", stamps[index], 0, bytes([index])))
+        sim.send_at(index * 4 * MS, Message(2, "/p", "", stamps[index], 0, bytes([index])))
     sim.run(SECOND)
     assert [message.seq_number for _, message in sim.delivered] == [0, 2, 3, 1]
-    report = sim.inbox.reassembler.reports(("192.0.2.1", 1), 0)[0][2]
+    report = sim.receiver.reassembler.reports(SENDER, 0)[0][2]
     assert (report.numbers, report.late, report.missing, report.repaired) == (4, 0, 0, 1)
-    assert sim.inbox.reassembler.counters.messages == 4
+    assert sim.receiver.reassembler.counters.messages == 4
 
 
 def test_the_end_of_a_topic_that_falls_silent_is_repaired() -> None:
     sim = losing(False, False, True, True, True)
     for index in range(2):
-        sim.send(index * 4 * MS, Message(2, "/p", "", index, 0, b"goal"))
+        sim.send_at(index * 4 * MS, Message(2, "/p", "", index, 0, b"goal"))
     sim.run(SECOND)
     assert [message.seq_number for _, message in sim.delivered] == [0, 1]
 
@@ -325,9 +334,9 @@ def test_memory_of_a_hostile_sender_is_bounded() -> None:
     sim = Simulation()
     for topic in range(300):
         offer = Header(65, 10, 0, 1, 0, 0, f"/{topic}").pack() + Offer(1, 255, 1 << 31).pack()
-        sim._arrive(offer)
-    senders = sim.inbox.reassembler._senders
-    topics = [topic for _, topic in senders.topics(("192.0.2.1", 1))]
+        sim._take(offer)
+    senders = sim.receiver.reassembler._senders
+    topics = [topic for _, topic in senders.topics(SENDER)]
     assert sum(topic.nacks is not None for topic in topics) == 128
 
 
@@ -342,8 +351,8 @@ def test_fec_and_resend_stand_side_by_side() -> None:
     )
     for index in range(100):
         stamp = index * 20 * MS
-        sim.send(stamp, Message(1, "/a", "", stamp, 0, bytes(3000)))
-        sim.send(stamp, Message(2, "/b", "", stamp, 0, bytes(100)))
+        sim.send_at(stamp, Message(1, "/a", "", stamp, 0, bytes(3000)))
+        sim.send_at(stamp, Message(2, "/b", "", stamp, 0, bytes(100)))
     sim.run(4 * SECOND)
     got = [sum(m.msg_type == kind for _, m in sim.delivered) for kind in (1, 2)]
     assert got[1] == 100

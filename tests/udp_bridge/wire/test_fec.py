@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.udp_bridge.simulated import MS, SECOND, Simulation, independent
+from tests.udp_bridge.simulated import MS, SECOND, SENDER, Simulation, independent
 from udp_bridge import MSG_TYPES, Message, fragments, parse
 from udp_bridge.receiver.assembly import OVERHEAD_BYTES
 from udp_bridge.receiver.reassembly import Reassembler
@@ -108,14 +108,14 @@ def test_lossy_links_deliver_coded_messages_as_they_were_sent() -> None:
     sent = [cloud(64 * 216 - 3, index * 100 * MS) for index in range(count)]
     assert plan(sent[0], 256, coded=True).parts_max == 64
     for message in sent:
-        sim.send(message.stamp_nanos, message)
+        sim.send_at(message.stamp_nanos, message)
     sim.run(count * 100 * MS + SECOND)
     assert len(sim.delivered) == count
     assert all(message.body == sent[message.seq_number].body for _, message in sim.delivered)
-    counters = sim.inbox.reassembler.counters
+    counters = sim.receiver.reassembler.counters
     assert (counters.incomplete, counters.refused) == (0, {})
     assert 0.9 * count < counters.repaired < count  # 1 - 0.95**64 is 0.96
-    reported = sim.inbox.reassembler.reports(("192.0.2.1", 1), 0)[0][2]
+    reported = sim.receiver.reassembler.reports(SENDER, 0)[0][2]
     assert reported.repaired == counters.repaired
 
 
