@@ -8,7 +8,6 @@ on a busy machine, and that is no drift.
 """
 
 import argparse
-import socket
 import subprocess
 import sys
 import time
@@ -17,6 +16,7 @@ from pathlib import Path
 from groundlink.bus.core_topics import STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
+from groundlink.cli.run.running import free_endpoint
 from groundlink.core.clock import NANOS, TICK_RATE_HZ
 from groundlink.messages.base import State
 
@@ -68,9 +68,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=SECONDS, help="to run (%(default)g)")
     add_options(parser)
     options = parser.parse_args()
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
-    ages = ages_ms(endpoint, options.seconds)
+    ages = ages_ms(free_endpoint(), options.seconds)
     drift = ages[-1] - ages[0]
     print(
         f"{len(ages) * LEAST_OVER_SECONDS:g} s at {TICK_RATE_HZ} Hz: sim time is {drift:+.3f} ms "

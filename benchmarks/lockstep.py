@@ -54,16 +54,16 @@ def scenario_file(folder: Path) -> Path:
     for vehicle in document["vehicles"]:
         vehicle["sensors"] = [s for s in vehicle["sensors"] if s["kind"] != "camera"]
     document["time"] = {"mode": "fast", "epoch": "zero"}
-    bind, peer = (f"127.0.0.1:{free_port(socket.SOCK_DGRAM)}" for _ in range(2))
+    bind, peer = (f"127.0.0.1:{free_port()}" for _ in range(2))
     document["gateway"] = {"bind": bind, "peer": peer}
     file = folder / "lockstep.yaml"
     file.write_text(json.dumps(document), encoding="utf-8")
     return file
 
 
-def free_port(kind: socket.SocketKind) -> int:
-    """Return a free port."""
-    with socket.socket(socket.AF_INET, kind) as probe:
+def free_port() -> int:
+    """Return a free UDP port."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
@@ -123,7 +123,7 @@ def lost(health: BusInbox[BusMessage]) -> dict[str, int]:
 
 def measure(scenario: Scenario, file: Path, pairs: int, together: bool) -> list[list[float]]:
     """Return the times of pairs of episodes, one in lockstep and one free."""
-    endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    endpoint = running.free_endpoint()
     commands = running.commands(scenario, str(file), RUN, endpoint, sensors_together=together)
     commands["physics"][:2] = ["-m", "benchmarks.lockstep", "physics"]
     receiver = ("-m", "udp_bridge", "listen", "--bind", scenario.gateway.peer, "--quiet")

@@ -10,7 +10,6 @@ runs.
 import argparse
 import multiprocessing
 import multiprocessing.connection
-import socket
 import statistics
 import sys
 import tempfile
@@ -24,6 +23,7 @@ import numpy as np
 from groundlink.bus.core_topics import STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
+from groundlink.cli.run.running import free_endpoint
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS
 from groundlink.loader import load
 from groundlink.messages.base import BusMessage, Command, State, encode
@@ -124,8 +124,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="benchmarks.physics", description=__doc__)
     add_options(parser)
     options = parser.parse_args()
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+    endpoint = free_endpoint()
     here, there = multiprocessing.Pipe()
     claims: list[Claim] = []
     costs: dict[str, list[tuple[int, float]]] = {}

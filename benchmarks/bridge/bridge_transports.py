@@ -5,7 +5,6 @@ Both end at the shipped ROS 2 node, or at the library where ROS is not measured.
 """
 
 import os
-import socket
 import time
 from collections.abc import Mapping
 from contextlib import ExitStack, closing
@@ -17,6 +16,7 @@ from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import STREAM_TOPICS
+from groundlink.cli.run.running import free_endpoint
 from groundlink.loader import load
 from groundlink.scenario.ros_side import Stream
 from groundlink.scenario.schema import Scenario
@@ -148,8 +148,7 @@ class BusTransport:
 
     def __init__(self) -> None:
         run = f"benchmark_{os.getpid()}"
-        with socket.create_server((LOCALHOST, 0)) as free:
-            endpoint = f"tcp/{LOCALHOST}:{free.getsockname()[1]}"
+        endpoint = free_endpoint()
         scenario = msgspec.msgpack.encode(_with_camera(load(_ROOM)))
         key = STREAM_TOPICS["image"].key_in(run, vehicle=_VEHICLE, sensor=_CAMERA)
         with ExitStack() as stack:

@@ -29,6 +29,7 @@ from benchmarks.bridge.processes import (
 from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import Bus
+from groundlink.cli.run.running import free_endpoint
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.ros_side import Stream
@@ -59,8 +60,7 @@ class MessagePath(NamedTuple):
 
 def _ours(stack: ExitStack) -> MessagePath:
     run = f"benchmark_{os.getpid()}"
-    with socket.create_server((LOCALHOST, 0)) as free:
-        endpoint = f"tcp/{LOCALHOST}:{free.getsockname()[1]}"
+    endpoint = free_endpoint()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free_too:
         free_too.bind((LOCALHOST, 0))
         peer = f"{LOCALHOST}:{free_too.getsockname()[1]}"

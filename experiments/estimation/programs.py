@@ -43,7 +43,7 @@ ROS_2 = (
 )
 """What a node of rclpy needs, as in pyproject.toml."""
 
-_OPENGL = {
+DEBIAN_PACKAGES = {
     "libOpenGL.so.0": "libopengl0",
     "libSM.so.6": "libsm6",
     "libICE.so.6": "libice6",
@@ -53,8 +53,7 @@ _OPENGL = {
     "libEGL.so.1": "libegl1",
     "libGLX.so.0": "libglx0",
 }
-DEBIAN_PACKAGES = dict(_OPENGL)
-"""By shared library: Debian's package of it."""
+"""By shared library of OpenGL: Debian's package of it."""
 
 YAG_SLAM = ExternalProgram(
     name="yag-slam",
@@ -69,7 +68,7 @@ ORB_SLAM3 = ExternalProgram(
     requirements=("pyorbslam3==0.1.1", "opencv-python-headless==5.0.0.93", *BAG_READER),
     driver="orb_slam3.py",
     license="GPL-3.0",
-    libraries=tuple(_OPENGL),
+    libraries=tuple(DEBIAN_PACKAGES),
 )
 GENZ_LIO = ExternalProgram(
     name="genz-lio",

@@ -90,7 +90,7 @@ def record(setup: Setup, out: Path, console: Console) -> RecordedRun:
     """
     folder = out / "recordings"
     folder.mkdir(parents=True, exist_ok=True)
-    made = folder / f"{setup.name}-{setup.seed}-{_digest(setup, folder)}"
+    made = folder / f"{setup.name}-{setup.seed}-{setup.digest()}"
     if (made / "deliveries.csv").exists():
         return RecordedRun(made)
     part = made.with_name(f"{made.name}.part")
@@ -108,15 +108,6 @@ def record(setup: Setup, out: Path, console: Console) -> RecordedRun:
     bus.unlink()
     part.rename(made)
     return RecordedRun(made)
-
-
-def _digest(setup: Setup, folder: Path) -> str:
-    scratch = folder / f".digest-{os.getpid()}"
-    scratch.mkdir(exist_ok=True)
-    try:
-        return setup.digest(scratch)
-    finally:
-        shutil.rmtree(scratch)
 
 
 def _run(setup: Setup, folder: Path, console: Console) -> None:

@@ -4,6 +4,7 @@
 import copy
 import hashlib
 import math
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -138,9 +139,10 @@ class Setup:
         file.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
         return file
 
-    def digest(self, folder: Path) -> str:
+    def digest(self) -> str:
         """Return the digest of the resolved scenario, the duration and the sources."""
-        scenario = load(self.write(folder))
+        with tempfile.TemporaryDirectory() as folder:
+            scenario = load(self.write(Path(folder)))
         told = msgspec.json.encode([scenario, self.seconds, sources_digest()], order="sorted")
         return hashlib.blake2b(told, digest_size=6).hexdigest()
 
