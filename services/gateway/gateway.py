@@ -35,8 +35,7 @@ from udp_bridge.wire.types import CONTROL, SUBSCRIBE, TYPED
 from .missing_readings import MissingReadingCounter
 from .reports import PeerReports, peer_counters, with_pushed_out, with_type
 from .rmw_zenoh import NoRmwZenohBridge, RmwZenohBridge
-from .ros_subscriptions import LATCHED, RosSubscriptions
-from .streams import wire_body, wire_type
+from .streams import LATCHED, RosSubscriptions, wire_body, wire_type
 from .subscribers import Address, Subscribers, TopicKey
 
 STALE_SLACK_NANOS = 100_000_000

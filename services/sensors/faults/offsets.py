@@ -5,12 +5,14 @@ A value that is none (NaN, infinite) stays as it is. Covariances stay: a broken 
 that it is broken.
 """
 
+import math
 from collections.abc import Callable
 from functools import cache, partial
 from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
 from groundlink.messages.base import BusMessage, Reading
@@ -56,3 +58,11 @@ def within_limits(range_m: Floats, least_m: float, most_m: float) -> Floats:
     finite = np.isfinite(range_m)
     reported = np.where(finite & (range_m > most_m), np.inf, range_m)
     return np.where(finite & (range_m < least_m), -np.inf, reported)
+
+
+def within(
+    azimuth_rad: NDArray[np.floating], begin_rad: float, width_rad: float
+) -> NDArray[np.bool_]:
+    """Return which azimuths are in the sector that goes counter-clockwise from `begin_rad`."""
+    inside: NDArray[np.bool_] = (azimuth_rad - begin_rad) % (2 * math.pi) <= width_rad
+    return inside

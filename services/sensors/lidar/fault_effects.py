@@ -5,8 +5,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from groundlink.messages.base import PointCloud, packed
-from services.sensors.faults.offsets import Offsets
-from services.sensors.faults.sectors import within
+from services.sensors.faults.offsets import Offsets, within
 
 
 def offset_range(cloud: PointCloud, offsets: Offsets) -> PointCloud:

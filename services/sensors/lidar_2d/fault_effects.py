@@ -6,8 +6,7 @@ from msgspec.structs import replace
 
 from groundlink.messages.base import packed
 from groundlink.messages.imagery import LaserScan
-from services.sensors.faults.offsets import Offsets, within_limits
-from services.sensors.faults.sectors import within
+from services.sensors.faults.offsets import Offsets, within, within_limits
 
 
 def offset_range(scan: LaserScan, offsets: Offsets) -> LaserScan:

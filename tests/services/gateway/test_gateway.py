@@ -31,8 +31,7 @@ from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import FromRos
 from groundlink.scenario.ros_side import Stream as ExtraStream
 from services.gateway.gateway import Gateway
-from services.gateway.ros_subscriptions import LEASE_SECONDS
-from services.gateway.streams import TF_MESSAGE, wire_type
+from services.gateway.streams import LEASE_SECONDS, TF_MESSAGE, wire_type
 from tests.udp_bridge.vectors import VECTORS
 from tests.vectors.examples import EXAMPLES
 from udp_bridge.sender.delivery_counts import DeliveryCounts

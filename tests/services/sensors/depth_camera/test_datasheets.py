@@ -9,7 +9,7 @@ import pytest
 
 from groundlink.scenario.depth_cameras import DepthCamera, StereoCamera
 from groundlink.scenario.sensors import Optics
-from services.sensors.depth_camera.measured import measured
+from services.sensors.depth_camera.model import measured
 from services.sensors.rendering.gl.pinhole import Pinhole
 from tests.services.sensors.sheets import from_sheet
 

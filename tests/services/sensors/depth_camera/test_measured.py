@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.sensors.depth_camera.measured import measured, near_jumps, unseen_by_right_eye
+from services.sensors.depth_camera.model import measured, near_jumps, unseen_by_right_eye
 
 from .specs import spec
 
