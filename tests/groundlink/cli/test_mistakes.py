@@ -115,10 +115,11 @@ def test_unanswerable_topic_gives_one_line(
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"", "it ends too early"),
-        (b"text", "it ends too early"),
+        (b"", "not a recording of a run: it ends too early"),
+        (b"text", "not a recording of a run: it ends too early"),
         (b"\x89MCAP0\r\n" + b"\0" * 40 + b"\x89MCAP0\r\n", "groundlink record"),
-        (b"x" * 100, "it does not begin or end as MCAP files do"),
+        (b"x" * 1000, "it does not begin or end as MCAP files do"),
+        (b"\x89MCAP0\r\n", "not a recording of a run"),
     ],
 )
 @pytest.mark.parametrize("command", ["replay", "report"])

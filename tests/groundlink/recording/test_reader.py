@@ -32,18 +32,6 @@ def test_a_run_s_facts_survive_being_text() -> None:
     assert len(before.world_hash) > 12
 
 
-def test_there_is_no_such_file(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="no such file"):
-        Recording(tmp_path / "a.mcap")
-
-
-@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", b"x" * 1000], ids=len)
-def test_something_else(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "a.mcap").write_bytes(content)
-    with pytest.raises(UserError, match="not a recording of a run"):
-        Recording(tmp_path / "a.mcap")
-
-
 def test_an_mcap_file_of_others(tmp_path: Path) -> None:
     with (tmp_path / "a.mcap").open("wb") as stream:
         writer = Writer(stream)

@@ -91,14 +91,8 @@ def test_all_joints_of_the_description_are_published() -> None:
             turning = len(wheels & {*joints})
             if "encoders" in base.keys:
                 counted = len(base._vehicle.model.counted)
-                topic, message, _ = next(
-                    iter(
-                        base.receive(
-                            base.keys["encoders"],
-                            WheelEncoders(5, "", ("a",) * counted, (0,) * counted),
-                        )
-                    )
-                )
+                ticks = WheelEncoders(5, "", ("a",) * counted, (0,) * counted)
+                topic, message, _ = next(base.receive(base.keys["encoders"], ticks))
                 assert isinstance(message, JointState)
                 assert topic == f"{base._vehicle.namespace}/joint_states"
                 assert len(message.names) == len(floats(message.positions)) == turning

@@ -8,32 +8,19 @@ import pytest
 import yaml
 
 from groundlink.loader import ScenarioError, load
-from groundlink.scenario.faults import (
-    KINDS,
-    Bias,
-    Delay,
-    Drift,
-    Drop,
-    Fault,
-    NoiseBurst,
-    OccludedSector,
-    Off,
-    RateChange,
-    Stuck,
-    TimeJump,
-)
+from groundlink.scenario import faults
 
-EXAMPLES: list[Fault] = [
-    Off(),
-    Stuck(at_s=5.0, for_s=2.0),
-    Bias(value=(0.0, 0.0, 0.3), quantity="acceleration"),
-    Drift(per_s=0.1, at_s=1.0),
-    NoiseBurst(stddev=0.1),
-    TimeJump(offset_s=-2.0),
-    Delay(delay_s=0.5),
-    Drop(share=0.2),
-    RateChange(rate_hz=5.0),
-    OccludedSector(from_deg=-30.0, to_deg=45.0),
+EXAMPLES: list[faults.Fault] = [
+    faults.Off(),
+    faults.Stuck(at_s=5.0, for_s=2.0),
+    faults.Bias(value=(0.0, 0.0, 0.3), quantity="acceleration"),
+    faults.Drift(per_s=0.1, at_s=1.0),
+    faults.NoiseBurst(stddev=0.1),
+    faults.TimeJump(offset_s=-2.0),
+    faults.Delay(delay_s=0.5),
+    faults.Drop(share=0.2),
+    faults.RateChange(rate_hz=5.0),
+    faults.OccludedSector(from_deg=-30.0, to_deg=45.0),
 ]
 
 SCENARIO = """\
@@ -53,7 +40,7 @@ vehicles:
 """
 
 
-def loaded(folder: Path, fault: str) -> Fault:
+def loaded(folder: Path, fault: str) -> faults.Fault:
     file = folder / "faulty.yaml"
     file.write_text(SCENARIO.replace("FAULT", fault), encoding="utf-8")
     [found] = load(file).vehicles[0].sensors[0].faults
@@ -61,13 +48,13 @@ def loaded(folder: Path, fault: str) -> Fault:
 
 
 def test_every_kind_is_here() -> None:
-    assert {type(example) for example in EXAMPLES} == set(KINDS.values())
+    assert {type(example) for example in EXAMPLES} == set(faults.KINDS.values())
 
 
 @pytest.mark.parametrize("fault", EXAMPLES, ids=lambda fault: fault.kind)
-def test_they_print_as_a_scenario_has_them(fault: Fault) -> None:
+def test_they_print_as_a_scenario_has_them(fault: faults.Fault) -> None:
     assert str(fault).startswith("{kind: ")
-    assert msgspec.convert(yaml.safe_load(str(fault)), Fault) == fault  # type: ignore[arg-type]
+    assert msgspec.convert(yaml.safe_load(str(fault)), faults.Fault) == fault  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -84,7 +71,7 @@ def test_they_print_as_a_scenario_has_them(fault: Fault) -> None:
 def test_a_fault_is_on_for_whole_ticks(
     at_s: float, for_s: float | None, begin: int, end: int | None
 ) -> None:
-    fault = Off(at_s=at_s, for_s=for_s)
+    fault = faults.Off(at_s=at_s, for_s=for_s)
     assert (fault.begin_tick, fault.end_tick) == (begin, end)
     assert [fault.is_on(tick) for tick in (begin - 1, begin)] == [False, True]
     if end is not None:
@@ -93,17 +80,17 @@ def test_a_fault_is_on_for_whole_ticks(
 
 def test_every_tick_comes_back_from_its_seconds() -> None:
     for tick in (*range(3000), 10**6 + 1, 10**8 + 7):
-        assert Off(at_s=tick / 400).begin_tick == tick
+        assert faults.Off(at_s=tick / 400).begin_tick == tick
 
 
 def test_the_width_of_a_sector() -> None:
     widths = {(-30, 45): 75, (350, 10): 20, (45, -30): 285, (0, 360): 360, (7, 7): 360}
     for (begin, end), width in widths.items():
-        assert OccludedSector(from_deg=begin, to_deg=end).width_deg == width
+        assert faults.OccludedSector(from_deg=begin, to_deg=end).width_deg == width
 
 
 def test_yaml_takes_off_for_a_word(tmp_path: Path) -> None:
-    assert loaded(tmp_path, "{kind: off, at_s: 3}") == Off(at_s=3.0)
+    assert loaded(tmp_path, "{kind: off, at_s: 3}") == faults.Off(at_s=3.0)
 
 
 @pytest.mark.parametrize(
