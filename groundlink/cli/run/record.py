@@ -41,10 +41,7 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--realtime", action="store_true", help="run in real time instead of as fast as possible"
     )
-    parser.add_argument("--run", help="name of the run (default: the scenario's)")
-    parser.add_argument(
-        "--listen", metavar="ENDPOINT", default=running.LISTEN_DEFAULT, help=running.LISTEN_HELP
-    )
+    running.add_arguments(parser, "scenario's", ros=False)
     parser.set_defaults(command=record)
 
 

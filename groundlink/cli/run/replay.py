@@ -45,17 +45,11 @@ def add_parser(subparsers: Subparsers) -> None:
         help="start S seconds into the run",
     )
     parser.add_argument("--loop", action="store_true", help="repeat until Ctrl-C")
-    parser.add_argument("--run", help="name of the run (default: the recorded name)")
+    running.add_arguments(parser, "recorded name")
     parser.add_argument(
         "--gateway",
         metavar="SCENARIO",
         help="use the `gateway` section of this scenario instead of the recorded one",
-    )
-    parser.add_argument(
-        "--listen", metavar="ENDPOINT", default=running.LISTEN_DEFAULT, help=running.LISTEN_HELP
-    )
-    parser.add_argument(
-        "--no-ros", action="store_true", help="do not start a ROS node; it runs elsewhere"
     )
     parser.add_argument(
         "--no-gateway",

@@ -4,6 +4,7 @@
 Services are started as ``python -m`` only. `supervised` starts them.
 """
 
+import argparse
 import importlib.util
 import socket
 from ipaddress import ip_address
@@ -29,9 +30,20 @@ SENSORS = "sensors"
 
 SCENARIO_HELP = "scenario file (YAML), or name of a shipped scenario such as indoor_lab"
 
-LISTEN_HELP = "endpoint of the run's router (%(default)s)"
 
-LISTEN_DEFAULT = DEFAULT_ENDPOINT
+def add_arguments(parser: argparse.ArgumentParser, whose: str, *, ros: bool = True) -> None:
+    """Add the options of a new run: its name, by default that of `whose`, its router, its ROS."""
+    parser.add_argument("--run", help=f"name of the run (default: the {whose})")
+    parser.add_argument(
+        "--listen",
+        metavar="ENDPOINT",
+        default=DEFAULT_ENDPOINT,
+        help="endpoint of the run's router (%(default)s)",
+    )
+    if ros:
+        parser.add_argument(
+            "--no-ros", action="store_true", help="do not start a ROS node; it runs elsewhere"
+        )
 
 
 def commands(

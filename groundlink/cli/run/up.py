@@ -47,16 +47,7 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--report", type=Path, metavar="FILE.json", help="write a report of the run"
     )
-    parser.add_argument("--run", help="name of the run (default: the scenario's)")
-    parser.add_argument(
-        "--listen",
-        metavar="ENDPOINT",
-        default=running.LISTEN_DEFAULT,
-        help=running.LISTEN_HELP,
-    )
-    parser.add_argument(
-        "--no-ros", action="store_true", help="do not start a ROS node; it runs elsewhere"
-    )
+    running.add_arguments(parser, "scenario's")
     parser.add_argument(
         "--sensors-together",
         action="store_true",
