@@ -5,16 +5,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
 from groundlink.messages.base import encode
 from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
+from groundlink.scenario.sensors import InertialUnit
 from services.sensors.imu import errors
 from services.sensors.imu.errors import ImuErrors
 from services.sensors.noise.random_streams import RandomStreams
 from tests.services.sensors.allan import Floats, allan_deviation
-from tests.services.sensors.imu.test_datasheets import SHEETS, read
+from tests.services.sensors.imu.test_datasheets import SHEETS
 from tests.services.sensors.imu.test_model import (
     GRAVITY,
     forces,
@@ -24,6 +26,7 @@ from tests.services.sensors.imu.test_model import (
     tumbling,
     turning,
 )
+from tests.services.sensors.sheets import from_sheet
 from tests.services.sensors.states import states
 
 BLOCKS = 3125
@@ -64,7 +67,7 @@ def minutes(model: ImuErrors) -> Floats:
 
 @pytest.mark.parametrize("sheet", [s.stem for s in SHEETS if s.stem != "imu_ideal"])
 def test_minutes_have_the_data_sheets_noise_density(sheet: str) -> None:
-    spec = read(sheet)
+    spec = from_sheet(InertialUnit, sheet)
     taken = minutes(ImuErrors(spec, RandomStreams(1, "rover/imu")))
     for triad, axes in ((spec.accelerometer, taken[:, :3]), (spec.gyroscope, taken[:, 3:])):
         density = allan_deviation(axes, 400, 0.1) * np.sqrt(0.1)
@@ -88,8 +91,8 @@ def test_minutes_show_each_term_with_its_slope() -> None:
         "bias_time_constant_s": 2.5,
         "random_walk": 3e-4,
     }
-    spec = read(
-        "imu_ideal",
+    spec = replace(
+        from_sheet(InertialUnit, "imu_ideal"),
         accelerometer=InertialNoise(**noise),
         gyroscope=GyroscopeNoise(**noise),
         noise_source="numpy",
@@ -207,7 +210,7 @@ def test_the_variance_in_the_message_is_that_of_the_noise(rate_hz: float) -> Non
 
 def test_behind_a_low_pass_the_noise_is_that_of_its_bandwidth() -> None:
     """A Butterworth of second order passes as much noise as a wall at 1.11 times its bandwidth."""
-    spec = read("imu_mpu6000")
+    spec = from_sheet(InertialUnit, "imu_mpu6000")
     taken = samples(
         imu(rate_hz=400, gyroscope=spec.gyroscope, noise_source="numpy"),
         states(np.zeros((20_000, 3))),
