@@ -4,7 +4,7 @@
 import random
 import struct
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -49,26 +49,26 @@ def decoded(
     return decode(capture, *options)
 
 
+SINGLE_PART: dict[int, Callable[[bytes], object]] = {
+    CONTROL: control.parse,
+    RESEND: parse_resend,
+    SUBSCRIBE: Subscribe.parse,
+}
+"""Parsers of bodies that have one part."""
+
+
 def reason(datagram: bytes) -> str | None:
     """Return why the library refuses a single datagram."""
     try:
         header, offset = parse(datagram)
         if header.parts_max > 1 and len(datagram) == offset:
             return "part_size"
-        if header.msg_type == CONTROL:
+        if parse_body := SINGLE_PART.get(header.msg_type):
             if header.parts_max > 1:
                 return "parts_max"
-            control.parse(datagram[offset:])
-        if header.msg_type == RESEND:
-            if header.parts_max > 1:
-                return "parts_max"
-            parse_resend(datagram[offset:])
+            parse_body(datagram[offset:])
         if header.msg_type == REPAIR and parse_symbol(datagram[offset:])[0].code != RAPTORQ:
             return "repair_code"
-        if header.msg_type == SUBSCRIBE:
-            if header.parts_max > 1:
-                return "parts_max"
-            Subscribe.parse(datagram[offset:])
         if header.msg_type == TYPED and header.parts_max == 1:
             parse_typed(datagram[offset:])
     except Refused as refused:

@@ -11,7 +11,8 @@ from __future__ import annotations
 import os
 import threading
 import time
-from typing import Any, Callable, NamedTuple
+from pathlib import Path
+from typing import Any, Callable, Mapping, NamedTuple
 
 from udp_bridge import Link, Message
 from udp_bridge.io.address_guard import open_socket
@@ -25,13 +26,16 @@ from udp_bridge.wire.seal import FROM_ROS
 from udp_bridge.wire.types import CONTROL, ROS_TYPES, SUBSCRIBE
 
 from .command_client import RunCommandClient
-from .liveness_file import NodeLiveness
 from .lockstep import BarrierResponder
 from .log import Log
 from .options import DEFAULT_BIND, parse_address, parse_datagram, parse_flag, parse_repair
 from .publish_queue import PublisherFactory, PublishQueue
 from .responses import RosGraph
 from .subscriptions import LeasedSubscriptions, SubscriptionFactory
+
+LIVENESS_VARIABLE = "ALIVE_FILE"
+"""Environment variable with the name of the liveness file; without it nothing is touched."""
+LIVENESS_PERIOD_NANOS = 1_000_000_000
 
 
 class Settings(NamedTuple):
@@ -183,3 +187,28 @@ class BridgeNode:
 
     def _report_result(self, message: Message, sender: Address, is_published: bool) -> None:
         (self.link.published if is_published else self.link.dropped)(message, sender)
+
+
+class NodeLiveness:
+    """Liveness file: touched once a second while the node runs and receives from a gateway.
+
+    A container's health check needs only the file's age. A gateway repeats its subscriptions every
+    second, so it is received from even while sim time is paused.
+    """
+
+    def __init__(self, environment: Mapping[str, str]) -> None:
+        name = environment.get(LIVENESS_VARIABLE)
+        self._file = Path(name) if name else None
+        self._due_nanos = 0
+        self._received = 0
+
+    def is_due(self, now_nanos: int) -> bool:
+        """Return whether a second has passed since the last call of `touch`."""
+        return now_nanos >= self._due_nanos
+
+    def touch(self, received_datagrams: int, now_nanos: int) -> None:
+        """Touch the file when more datagrams have been received than at the last call."""
+        self._due_nanos = now_nanos + LIVENESS_PERIOD_NANOS
+        if self._file is not None and received_datagrams != self._received:
+            self._received = received_datagrams
+            self._file.touch()
