@@ -2,6 +2,7 @@
 """Terrain and meshes of a scenario's files: resolved to digests, everything on the ground."""
 
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -23,26 +24,7 @@ from tests.groundlink.importing.files import glb, npy, write
 SLOPE = np.add.outer(np.zeros(41), 0.1 * np.arange(81)).astype(np.float32)
 """Rises to the east by 1 in 10; 80 x 40 m at cells of 1 m."""
 
-WORLD = {
-    "name": "slope",
-    "materials": {"grass": {}, "brick": {}, "rubber": {}, "yellow_paint": {}, "dark_metal": {}},
-    "terrain": {"kind": "heightmap", "file": "../maps/slope.npy", "cell_m": 1, "material": "grass"},
-    "solids": [
-        {
-            "name": "house",
-            "shape": {"kind": "mesh", "file": "house.glb"},
-            "material": "brick",
-            "position_m": [10, 0, 1.0],
-            "on_ground": True,
-        },
-        {
-            "name": "shed",
-            "shape": {"kind": "mesh", "file": "house.glb"},
-            "material": "brick",
-            "position_m": [30, 0, 1.0],
-        },
-    ],
-}
+WORLD: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("slope.yaml").read_text())
 
 
 def made(folder: Path, **changes: object) -> Path:
@@ -76,7 +58,7 @@ def test_the_terrain_is_the_last_body(tmp_path: Path) -> None:
     scenario = load(made(tmp_path))
     names = body_names(scenario, solids(scenario))
     assert names[-3:] == ("house", "shed", "terrain")
-    twin = WORLD["solids"][0] | {"name": "terrain"}  # type: ignore[index]
+    twin = WORLD["solids"][0] | {"name": "terrain"}
     with pytest.raises(ScenarioError, match="two bodies are named `terrain`"):
         load(made(tmp_path, solids=[twin]))
 
@@ -110,12 +92,12 @@ def test_what_stands_on_the_ground_is_as_high_as_it(tmp_path: Path) -> None:
 
 
 def test_a_vehicle_may_start_within_the_box_of_a_mesh(tmp_path: Path) -> None:
-    around = WORLD["solids"][0] | {"position_m": [-10, 0, 0]}  # type: ignore[index]
+    around = WORLD["solids"][0] | {"position_m": [-10, 0, 0]}
     load(made(tmp_path, solids=[around]))
 
 
 def changed(name: str, **changes: object) -> dict[str, object]:
-    part = WORLD[name][0] if name == "solids" else WORLD[name]  # type: ignore[index]
+    part = WORLD[name][0] if name == "solids" else WORLD[name]
     new = dict(part) | changes
     return {name: [new] if name == "solids" else new}
 

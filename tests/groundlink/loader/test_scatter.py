@@ -16,37 +16,8 @@ from groundlink.scene.build import solids, world_hash
 from groundlink.world.objects.outdoor_specs import Bush, House
 from groundlink.world.terrain import Ground, load_ground
 
-BUSHES = {
-    "like": {"kind": "bush", "leaf_material": "grass"},
-    "count": 120,
-    "height_m": [0.5, 1.5],
-    "low_m": [-38, -38],
-    "high_m": [38, 38],
-    "ground": ["grass"],
-    "clear_m": 1.5,
-}
-
-HOUSE = {"kind": "house", "at_m": [15, 15], "yaw_deg": 40} | {
-    f"{part}_material": "brick"
-    for part in ("wall", "roof", "footing", "frame", "door", "glass", "chimney")
-}
-
-WORLD: dict[str, Any] = {
-    "name": "meadow",
-    "materials": {name: {} for name in ("grass", "brick", "asphalt", "water")},
-    "terrain": {
-        "kind": "hills",
-        "size_m": [80, 80],
-        "cell_m": 1,
-        "height_m": 6,
-        "longest_m": 60,
-        "material": "grass",
-        "levels": [{"at_m": [-15, 10], "radius_m": 8, "material": "water"}],
-        "roads": [{"points_m": [[-40, -10], [40, -10]], "width_m": 5, "material": "asphalt"}],
-    },
-    "outdoors": [HOUSE, {"kind": "fence", "points_m": [[-5, 30], [25, 30]], "material": "brick"}],
-    "scatter": [BUSHES],
-}
+WORLD: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("meadow.yaml").read_text())
+(HOUSE, _), (BUSHES,) = WORLD["outdoors"], WORLD["scatter"]
 
 
 def made(folder: Path, seed: int = 1, **changes: object) -> Path:

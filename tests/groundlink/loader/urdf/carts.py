@@ -18,31 +18,8 @@ TURRET = CART.replace(
 )
 """The cart with a turret, on it a gun that goes up, on this a ram that goes out."""
 
-MODEL = """\
-urdf: cart.urdf
-wheels:
-  left_wheel_joint: {friction: 0.9}
-  right_wheel_joint:
-  caster_joint: {caster: true, friction: 0.02}
-drive: {kind: differential, max_wheel_torque_nm: 2.0, max_wheel_speed_radps: 10.0}
-"""
-
-SCENARIO = """\
-name: test
-world:
-  name: floor
-  materials: {floor: {friction: 1.0}}
-  solids:
-    - name: floor
-      shape: {kind: box, size_m: [40, 40, 1]}
-      material: floor
-      position_m: [0, 0, -0.5]
-vehicles:
-  - name: cart
-    model: cart.yaml
-    sensors:
-      - {kind: imu, name: imu, topic: /imu, frame: imu_link, mount: camera}
-"""
+MODEL = (FOLDER / "cart.yaml").read_text(encoding="utf-8")
+SCENARIO = (FOLDER / "cart_scenario.yaml").read_text(encoding="utf-8")
 
 
 def scenario(folder: Path, urdf: str | bytes = CART, model: str = MODEL) -> Path:
