@@ -15,29 +15,11 @@ from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scene.bodies import link_bodies
 from groundlink.scene.build import solids
 
-ACTORS = """
-- name: visitor
-  form: {kind: person, shirt: plastic, trousers: cardboard, skin: plaster}
-  motion: {kind: along, points_m: [[-2, -2], [3, -2]], speed_mps: 1.2, pause_s: 2}
-- name: gate
-  form: {kind: door, width_m: 0.9, height_m: 2.0, material: wood}
-  motion:
-    kind: hinge
-    at_m: [2.0, 0.5, 0]
-    swings: [{at_s: 5, angle_deg: 90, for_s: 2}, {at_s: 12, angle_deg: 0, for_s: 2}]
-    every_s: 20
-- name: parcel
-  form:
-    kind: parts
-    parts: [{name: lid, shape: {kind: box, size_m: [0.4, 0.3, 0.3]}, material: cardboard}]
-  motion: {kind: free, at_m: [1.0, 0.0, 0.2], mass_kg: 6}
-"""
-
 
 def written(folder: Path, *changes: tuple[tuple[str | int, ...], Any]) -> Path:
     """Write a scenario of the laboratory with these actors, changed at some places."""
     world = yaml.safe_load((SHIPPED / "worlds" / "lab.yaml").read_text())
-    world["actors"] = yaml.safe_load(ACTORS)
+    world["actors"] = yaml.safe_load(Path(__file__).with_name("actors.yaml").read_text())
     for path, value in changes:
         part = world["actors"]
         for step in path[:-1]:
