@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import pytest
@@ -34,29 +35,57 @@ pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
 FACTORS = (1.0, 0.5)
 
 
-def together(it: Run) -> None:
-    """Start the run with all sensors in one process."""
-    it.start("physics", "rover/driver")
-    it.start_module("sensors", "services.sensors")
+class Saved(NamedTuple):
+    """A run that was saved at about half time."""
+
+    file: Path
+    before: Heard
+    """What the run had published when it went on."""
 
 
 @pytest.fixture(scope="module")
 def paced(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[float, Run]]:
+    """Runs at the wall clock's pace, with all sensors in one process."""
     with ExitStack() as opened:
         runs = {}
         for factor in FACTORS:
             folder = tmp_path_factory.mktemp("paced")
             it = opened.enter_context(run(folder, f"mode: lockstep, factor: {factor}"))
-            together(it)
+            it.start("physics", "rover/driver")
+            it.start_module("sensors", "services.sensors")
             runs[factor] = it
         yield runs
 
 
 @pytest.fixture(scope="module")
-def expected(paced: dict[float, Run], tmp_path_factory: pytest.TempPathFactory) -> Heard:
+def undisturbed(paced: dict[float, Run], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
     with run(tmp_path_factory.mktemp("undisturbed")) as it:
         it.start(*it.names)
-        return it.witness.heard()
+        yield it
+
+
+@pytest.fixture(scope="module")
+def saved(paced: dict[float, Run], undisturbed: Run) -> Saved:
+    """Pause and save the run at the wall clock's pace while the undisturbed run goes on."""
+    it = paced[1.0]
+    file = it.rig.folder / "half_time.run"
+    it.witness.wait(UNTIL_NANOS // 2)
+    send_command(it.bus, RUN, Pause())
+    join = ("--connect", it.rig.endpoint, "--run", RUN)
+    saving = it.rig.start("-m", "groundlink", "save", str(file), *join, log="save.log")
+    assert saving.wait(60) == 0, it.rig.log("save.log")
+    tick = journal.loaded(journal.read(file), str(file)).tick
+    assert tick * TICK_NANOS < 0.75 * UNTIL_NANOS
+    send_command(it.bus, RUN, Resume())
+    it.witness.wait(tick * TICK_NANOS)
+    return Saved(file, it.witness.so_far())
+
+
+@pytest.fixture(scope="module")
+def expected(undisturbed: Run, saved: Saved) -> Heard:
+    heard = undisturbed.witness.heard()
+    undisturbed.rig.stop()
+    return heard
 
 
 def test_every_stream_is_complete(expected: Heard) -> None:
@@ -78,37 +107,13 @@ def test_every_stream_is_complete(expected: Heard) -> None:
 
 
 @pytest.mark.parametrize("factor", FACTORS)
-def test_at_the_wall_clocks_pace(factor: float, expected: Heard, paced: dict[float, Run]) -> None:
+def test_at_the_wall_clocks_pace_with_all_sensors_in_one_process(
+    factor: float, expected: Heard, paced: dict[float, Run]
+) -> None:
+    """One of the runs was paused and saved at half time."""
     heard = paced[factor].witness.heard()
     paced[factor].rig.stop()
     assert difference(heard, expected) is None
-
-
-def test_again(expected: Heard, tmp_path: Path) -> None:
-    with run(tmp_path) as it:
-        it.start(*it.names)
-        assert difference(it.witness.heard(), expected) is None
-
-
-def test_all_sensors_in_one_process(expected: Heard, tmp_path: Path) -> None:
-    with run(tmp_path) as it:
-        together(it)
-        assert difference(it.witness.heard(), expected) is None
-
-
-def test_started_in_any_order_and_killed(expected: Heard, tmp_path: Path) -> None:
-    with run(tmp_path) as it:
-        names = random.Random(8).sample(it.names, len(it.names))
-        assert names.index("physics") > 2, "some are there before it"
-        it.start(*names)
-        for victim, at_nanos in (
-            ("rover/lidar", UNTIL_NANOS // 4),
-            ("rover/odometry", UNTIL_NANOS // 2),
-        ):
-            it.witness.wait(at_nanos)
-            os.kill(it.pids[victim], signal.SIGKILL)
-            it.start(victim)
-        assert difference(it.witness.heard(), expected) is None
 
 
 def stopped(pid: int, seconds: float) -> None:
@@ -118,48 +123,41 @@ def stopped(pid: int, seconds: float) -> None:
     os.kill(pid, signal.SIGCONT)
 
 
-def test_random_delays_and_two_seconds_in_a_sensor_and_in_the_gateway(
-    expected: Heard, tmp_path: Path
-) -> None:
+def test_started_in_any_order_killed_and_delayed(expected: Heard, tmp_path: Path) -> None:
+    """Two processes are killed, two stand still for two seconds, all of them for moments."""
     with run(tmp_path) as it:
+        chance = random.Random(8)
+        names = chance.sample(it.names, len(it.names))
+        assert names.index("physics") > 2, "some are there before it"
         it.rig.start(
             *("-m", "udp_bridge", "listen", "--bind", it.rig.address(it.rig.peer)), log="r"
         )
-        it.start(*it.names)
+        it.start(*names)
         it.start_module("gateway", "services.gateway")
         for number, victim in enumerate(("rover/lidar", "gateway"), start=1):
             it.witness.wait(number * 10**9)
             stopped(it.pids[victim], 2.0)
-        chance = random.Random(8)
-        while it.witness.reached_nanos < UNTIL_NANOS:
+        victims = [(UNTIL_NANOS // 2, "rover/odometry"), (UNTIL_NANOS // 4, "rover/lidar")]
+        while (reached_nanos := it.witness.reached_nanos) < UNTIL_NANOS:
+            if victims and reached_nanos >= victims[-1][0]:
+                _, victim = victims.pop()
+                os.kill(it.pids[victim], signal.SIGKILL)
+                it.start(victim)
             stopped(it.pids[chance.choice(sorted(it.pids))], chance.uniform(0.001, 0.1))
             time.sleep(chance.uniform(0.0, 0.1))
+        assert not victims
         assert difference(it.witness.heard(), expected) is None
 
 
-def test_restored_from_half_time(expected: Heard, tmp_path: Path) -> None:
-    file, elsewhere = tmp_path / "half_time.run", tmp_path / "elsewhere"
-    elsewhere.mkdir()
+def test_restored_from_half_time(expected: Heard, saved: Saved, tmp_path: Path) -> None:
     with run(tmp_path) as it:
-        it.start(*it.names)
-        it.witness.wait(UNTIL_NANOS // 2)
-        send_command(it.bus, RUN, Pause())
-        join = ("--connect", it.rig.endpoint, "--run", RUN)
-        saving = it.rig.start("-m", "groundlink", "save", str(file), *join, log="save.log")
-        assert saving.wait(60) == 0, it.rig.log("save.log")
-        saved = journal.loaded(journal.read(file), str(file))
-        assert saved.tick * TICK_NANOS < 0.75 * UNTIL_NANOS
-        send_command(it.bus, RUN, Resume())
-        it.witness.wait(saved.tick * TICK_NANOS)
-        before = it.witness.so_far()
-    with run(elsewhere) as it:
-        it.start_module("physics", "services.physics", str(file))
+        it.start_module("physics", "services.physics", str(saved.file))
         it.start(*(name for name in it.names if name != "physics"))
         after = it.witness.heard()
     whole = {}
     for key, bodies in after.items():
         assert bodies[0][0] > UNTIL_NANOS // 4, "the first half is not told again"
-        whole[key] = [*(body for body in before[key] if body[0] < bodies[0][0]), *bodies]
+        whole[key] = [*(body for body in saved.before[key] if body[0] < bodies[0][0]), *bodies]
     assert difference(whole, expected) is None
 
 
