@@ -11,6 +11,8 @@ PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
 READY := .venv/.ready
 SETUP_INPUTS := pyproject.toml udp-bridge/pyproject.toml setup.sh \
 	$(wildcard services/sensors/*/*.c udp-bridge/src/udp_bridge/io/native/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
+# Files with tests marked `system`; collecting all others takes longer than many of these tests.
+SYSTEM_TESTS := tests/system tests/ros1 tests/bridge/test_kernel_loss.py tests/experiments/test_short.py
 
 .PHONY: help setup run test test-units test-system test-alone test-stack environments mutants fuzz nightly benchmarks experiments clean
 
@@ -36,12 +38,12 @@ test-units: setup ## run unit tests, import contracts, style and type checks
 environments: setup ## install third-party programs that tests of the experiments need
 	@flock .venv/.environments $(BIN)/python -m experiments --install yag-slam --install evo
 
-test-system: environments ## run tests of the running system, two at a time
+test-system: environments ## run tests of the running system, three at a time: they often wait
 	@$(PYTEST) -m "system and not alone and not stack" --durations=20 \
-		--numprocesses=2 --dist=loadfile
+		--numprocesses=3 --dist=loadfile --no-loadscope-reorder $(SYSTEM_TESTS)
 
 test-alone: setup ## run tests that measure real-time rates, one at a time
-	@$(PYTEST) -m "alone" --durations=20
+	@$(PYTEST) -m "alone" --durations=20 $(SYSTEM_TESTS)
 
 test-stack: setup ## test the containers on a Docker engine
 	@$(PYTEST) -m stack -rP --durations=5 tests/deploy

@@ -9,6 +9,7 @@ response's fields, where there is one, and under "clock" the newest /clock in na
 import json
 import os
 import sys
+from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -32,13 +33,18 @@ def fields(message: Any) -> Any:
     return {name: fields(getattr(message, name)) for name in message.get_fields_and_field_types()}
 
 
-def call(node: Node, service: str, kind: str, request: dict[str, Any]) -> Any:
+@cache
+def client_of(node: Node, service: str, kind: str) -> Any:
+    """Return a client that stays: discovery takes longer than a call."""
     package, group, name = kind.split("/")
-    service_type = getattr(import_module(f"{package}.{group}"), name)
-    client = node.create_client(service_type, service)
+    return node.create_client(getattr(import_module(f"{package}.{group}"), name), service)
+
+
+def call(node: Node, service: str, kind: str, request: dict[str, Any]) -> Any:
+    client = client_of(node, service, kind)
     if not client.wait_for_service(SECONDS):
         return {"error": f"{service} is not there"}
-    asked = service_type.Request()
+    asked = client.srv_type.Request()
     for place, value in request.items():
         *path, last = place.split(".")
         target = asked
@@ -48,7 +54,6 @@ def call(node: Node, service: str, kind: str, request: dict[str, Any]) -> Any:
     future = client.call_async(asked)
     rclpy.spin_until_future_complete(node, future, timeout_sec=SECONDS)
     response = fields(future.result()) if future.done() else {"error": f"{service} is silent"}
-    node.destroy_client(client)
     return response
 
 

@@ -58,7 +58,6 @@ def times(path: Path, topic: str) -> list[float]:
         return [(message.nanos - epoch) / 1e9 for message in recording.read([topic])]
 
 
-@pytest.mark.alone
 def test_sensors_fail_and_recover_in_ros_and_in_a_recording(tmp_path: Path) -> None:
     out = tmp_path / "run.mcap"
     with rig(tmp_path) as it:

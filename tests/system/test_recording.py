@@ -294,7 +294,6 @@ def driving(tmp_path: Path) -> Iterator[Rig]:
         yield it
 
 
-@pytest.mark.alone
 def test_a_killed_recorder_loses_less_than_a_second(driving: Rig) -> None:
     """What came up to a second before is in the file, which every tool opens."""
     with Bus(connect=driving.endpoint) as bus:
