@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures of everything that is shipped: all of it in the picture, with its frames."""
 
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -11,6 +10,7 @@ import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from groundlink.__main__ import main
 from groundlink.loader.partial_scenario import FileKind, load_partial
 from groundlink.loader.scenario_files import SHIPPED
 from services.sensors.rendering.portrait.__main__ import FROM_DEG
@@ -127,20 +127,27 @@ def test_a_scenario_shows_its_vehicles_where_they_start() -> None:
     assert (with_rover != portrait(kind, empty, FROM_DEG[kind], SIZE)).any(axis=-1).sum() > 200
 
 
-def show(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "groundlink", "world", "show", *words],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+@pytest.fixture
+def show(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, str]]:
+    """`groundlink world show`, as a function that returns its code, its output and its errors."""
+
+    def show(*words: str) -> tuple[int, str, str]:
+        monkeypatch.chdir(tmp_path)
+        try:
+            code = main(["world", "show", *words])
+        except SystemExit as end:
+            code = int(end.code or 0)
+        return code, *capfd.readouterr()
+
+    return show
 
 
-def test_the_command_writes_a_file(tmp_path: Path) -> None:
-    done = show("rover", "--size", "200x160", "--from", "300,10", folder=tmp_path)
-    assert (done.returncode, done.stdout) == (0, "rover.png\n"), done.stderr
+def test_the_command_writes_a_file(
+    show: Callable[..., tuple[int, str, str]], tmp_path: Path
+) -> None:
+    assert show("rover", "--size", "200x160", "--from", "300,10")[:2] == (0, "rover.png\n")
     picture = cv2.imread(str(tmp_path / "rover.png"))
     assert picture is not None
     assert picture.shape == (160, 200, 3)
@@ -149,9 +156,10 @@ def test_the_command_writes_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "begins"), [("rover.jpg", b"\xff\xd8\xff"), ("rover.PNG", b"\x89PNG")]
 )
-def test_the_file_is_what_its_ending_says(name: str, begins: bytes, tmp_path: Path) -> None:
-    done = show("rover", "--size", "200x160", "--out", name, folder=tmp_path)
-    assert (done.returncode, done.stdout) == (0, f"{name}\n"), done.stderr
+def test_the_file_is_what_its_ending_says(
+    show: Callable[..., tuple[int, str, str]], name: str, begins: bytes, tmp_path: Path
+) -> None:
+    assert show("rover", "--size", "200x160", "--out", name)[:2] == (0, f"{name}\n")
     assert (tmp_path / name).read_bytes().startswith(begins)
 
 
@@ -170,10 +178,11 @@ def test_the_file_is_what_its_ending_says(name: str, begins: bytes, tmp_path: Pa
         (["rover", "--from", "up"], "expected AZIMUTH,ELEVATION such as 200,35"),
     ],
 )
-def test_mistakes_are_one_line(words: list[str], said: str, tmp_path: Path) -> None:
+def test_mistakes_are_one_line(
+    show: Callable[..., tuple[int, str, str]], words: list[str], said: str, tmp_path: Path
+) -> None:
     (tmp_path / "odd.yaml").write_text("kind: imu\n", encoding="utf-8")
-    done = show(*words, folder=tmp_path)
-    assert done.returncode == 2
-    last = done.stderr.strip().splitlines()[-1]
-    assert said in last, done.stderr
-    assert "Traceback" not in done.stderr
+    code, _, error = show(*words)
+    assert code == 2
+    assert said in error.strip().splitlines()[-1], error
+    assert "Traceback" not in error
