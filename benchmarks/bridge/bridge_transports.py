@@ -6,7 +6,7 @@ Both end at the shipped ROS 2 node, or at the library where ROS is not measured.
 
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, closing
 from typing import NamedTuple
 
@@ -147,24 +147,14 @@ class BusTransport:
     name = "from the bus"
 
     def __init__(self) -> None:
-        run = f"benchmark_{os.getpid()}"
-        endpoint = free_endpoint()
-        scenario = msgspec.msgpack.encode(_with_camera(load(_ROOM)))
-        key = STREAM_TOPICS["image"].key_in(run, vehicle=_VEHICLE, sensor=_CAMERA)
         with ExitStack() as stack:
             self._receiver = stack.enter_context(closing(python(RECEIVERS, "node")))
-            peer = f"--peer={LOCALHOST}:{self._receiver.number()}"
-            bus = stack.enter_context(Bus(listen=endpoint))
-            bus.serve(scenario_key(run), lambda _: [scenario])
-            joined = [f"--connect={endpoint}", f"--run={run}", f"--bind={LOCALHOST}:0"]
-            stack.enter_context(closing(python("services.gateway", *joined, peer)))
-            end = time.monotonic() + TIMEOUT_S
-            while not bus.present(HEALTH.key_in(run, process="gateway"), seconds=1.0):
-                if time.monotonic() > end:
-                    raise ProcessFailed("the gateway does not join the bus")
+            peer = f"{LOCALHOST}:{self._receiver.number()}"
+            run, endpoint = joined_gateway(stack, _with_camera(load(_ROOM)), peer)
+            key = STREAM_TOPICS["image"].key_in(run, vehicle=_VEHICLE, sensor=_CAMERA)
             sensor = python("benchmarks.bridge.sensor", endpoint, key)
             self._sensor = stack.enter_context(closing(sensor))
-            self._wait_until_connected()
+            reach(lambda: self.send(1000, _JOIN_S))
             self._all = stack.pop_all()
 
     def send(self, size: int, timeout_s: float = TIMEOUT_S) -> float:
@@ -177,15 +167,31 @@ class BusTransport:
         """See `Transport`."""
         self._all.close()
 
-    def _wait_until_connected(self) -> None:
-        """Send until a message arrives, because the bus does not report its subscribers."""
-        for _ in range(10):
-            try:
-                self.send(1000, _JOIN_S)
-            except TimedOut:
-                continue
-            return
-        raise ProcessFailed("nothing of the bus reaches the node")
+
+def joined_gateway(stack: ExitStack, scenario: Scenario, peer: str) -> tuple[str, str]:
+    """Start a bus and a gateway that sends to a ROS node; return the run and the bus's endpoint."""
+    run, endpoint = f"benchmark_{os.getpid()}", free_endpoint()
+    bus = stack.enter_context(Bus(listen=endpoint))
+    served = msgspec.msgpack.encode(scenario)
+    bus.serve(scenario_key(run), lambda _: [served])
+    joined = [f"--connect={endpoint}", f"--run={run}", f"--bind={LOCALHOST}:0", f"--peer={peer}"]
+    stack.enter_context(closing(python("services.gateway", *joined)))
+    end = time.monotonic() + TIMEOUT_S
+    while not bus.present(HEALTH.key_in(run, process="gateway"), seconds=1.0):
+        if time.monotonic() > end:
+            raise ProcessFailed("the gateway has not joined the bus")
+    return run, endpoint
+
+
+def reach(send: Callable[[], object]) -> None:
+    """Send until a message arrives, because neither the bus nor ROS reports its subscribers."""
+    for _ in range(15):
+        try:
+            send()
+        except TimedOut:
+            continue
+        return
+    raise ProcessFailed("no message arrives")
 
 
 def _with_camera(scenario: Scenario) -> Scenario:

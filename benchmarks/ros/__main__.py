@@ -8,28 +8,23 @@ the ratio of the medians is beyond the claim.
 """
 
 import argparse
-import os
 import socket
 import statistics
 import sys
 import time
 from contextlib import ExitStack, closing
+from functools import partial
 from typing import NamedTuple
 
 import msgspec
 
+from benchmarks.bridge.bridge_transports import joined_gateway, reach
 from benchmarks.bridge.processes import (
     TIMEOUT_S,
     LineProcess,
-    ProcessFailed,
-    TimedOut,
     drop_privileges,
     python,
 )
-from groundlink.bus.core_topics import HEALTH
-from groundlink.bus.queries import scenario_key
-from groundlink.bus.session import Bus
-from groundlink.cli.run.running import free_endpoint
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.ros_side import Stream
@@ -59,23 +54,13 @@ class MessagePath(NamedTuple):
 
 
 def _ours(stack: ExitStack) -> MessagePath:
-    run = f"benchmark_{os.getpid()}"
-    endpoint = free_endpoint()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free_too:
         free_too.bind((LOCALHOST, 0))
         peer = f"{LOCALHOST}:{free_too.getsockname()[1]}"
     scenario, vehicle = _with_streams(load(SHIPPED / "indoor_lab.yaml"))
-    served = msgspec.msgpack.encode(scenario)
     stack.enter_context(closing(python("udp_bridge_ros2", "--bind", peer)))
     listener = stack.enter_context(closing(python("benchmarks.ros.ends", "listener", "ours")))
-    bus = stack.enter_context(Bus(listen=endpoint))
-    bus.serve(scenario_key(run), lambda _: [served])
-    joined = [f"--connect={endpoint}", f"--run={run}", f"--bind={LOCALHOST}:0", f"--peer={peer}"]
-    stack.enter_context(closing(python("services.gateway", *joined)))
-    end = time.monotonic() + TIMEOUT_S
-    while not bus.present(HEALTH.key_in(run, process="gateway"), seconds=1.0):
-        if time.monotonic() > end:
-            raise ProcessFailed("the gateway has not joined the bus")
+    run, endpoint = joined_gateway(stack, scenario, peer)
     source = python("benchmarks.ros.ends", "sensor", endpoint, run, vehicle)
     return MessagePath(stack.enter_context(closing(source)), listener)
 
@@ -97,17 +82,6 @@ def _with_streams(scenario: Scenario) -> tuple[Scenario, str]:
     return msgspec.structs.replace(scenario, vehicles=(vehicle,)), vehicle.name
 
 
-def _reach(path: MessagePath, name: str) -> None:
-    """Send until a message arrives: discovery runs in the background."""
-    for _ in range(15):
-        try:
-            path.send(name, 2.0)
-        except TimedOut:
-            continue
-        return
-    raise ProcessFailed(f"no message of `{name}` arrives")
-
-
 def main() -> int:
     """Measure and print; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -121,7 +95,7 @@ def main() -> int:
         print("|---|---|---|---|---|---|")
         for name, most in CLAIMED.items():
             for path in paths:
-                _reach(path, name)
+                reach(partial(path.send, name, 2.0))
             took: list[list[float]] = [[], []]
             for i in range(count + WARM_UP):
                 for which in (0, 1) if i % 2 else (1, 0):
