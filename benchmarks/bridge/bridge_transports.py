@@ -93,7 +93,6 @@ class UdpBridge:
         )
         self._timeout_s = _LOST_TIMEOUT_S if lost else TIMEOUT_S
         self._report: LinkReport | None = None
-        self._bodies: dict[int, bytes] = {}
 
     def send(self, size: int) -> float:
         """See `Transport`; `TimedOut` is raised when the message was lost for good."""
@@ -101,9 +100,7 @@ class UdpBridge:
 
     def stream(self, size: int, count: int) -> float:
         """See `StreamingTransport`; each message goes when the one before has left."""
-        if size not in self._bodies:
-            self._bodies[size] = image_cdr(size)
-        body = self._bodies[size]
+        body = image_cdr(size)
         began = time.monotonic_ns()
         for index in range(count):
             if index:

@@ -5,7 +5,6 @@ It reads sizes from standard input and prints for each when its publish on the b
 nanoseconds of the host's monotonic clock.
 """
 
-import random
 import sys
 import time
 
@@ -13,17 +12,16 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import STREAM_TOPICS
 from groundlink.messages.imagery import Image
 
+from .transports import random_pixels
+
 
 def main(endpoint: str, key: str) -> None:
     """Publish until the input ends."""
-    pixels: dict[int, memoryview] = {}
     with Bus(connect=endpoint) as bus:
         publish = bus.publisher(key, STREAM_TOPICS["image"].delivery)
         for line in sys.stdin:
             size = int(line)
-            if size not in pixels:
-                pixels[size] = memoryview(random.Random(size).randbytes(size))
-            data = pixels[size]
+            data = memoryview(random_pixels(size))
             image = Image(time.time_ns(), "camera", 1, size, "mono8", size, data)
             began = time.monotonic_ns()
             publish(image)
