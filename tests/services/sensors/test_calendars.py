@@ -144,8 +144,14 @@ IMU_NOISE = InertialNoise(
     saturation=20,
     resolution=0.005,
 )
+WIDE: dict[str, Any] = {
+    **{"divergence_mrad": (30.0, 15.0), "rays_per_beam": 4, "returns": "dual"},
+    **{"azimuth_stddev_deg": 0.05, "elevation_stddev_deg": 0.05, "range_stddev_share": 0.001},
+}
+"""Beams that meet several things, each with errors of its own."""
+
 KINDS: dict[type[Any], tuple[st.SearchStrategy[Any], Callable[..., SensorModel]]] = {
-    Lidar: (turning(Lidar, elevations_deg=(-1.0, 1.0), truth=True), LidarModel),
+    Lidar: (turning(Lidar, **WIDE, elevations_deg=(-1.0, 1.0), truth=True), LidarModel),
     Lidar2d: (turning(Lidar2d), Lidar2dModel),
     InertialUnit: (
         st.builds(

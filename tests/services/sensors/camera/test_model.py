@@ -255,13 +255,6 @@ def test_a_state_without_its_vehicle_is_refused_and_forgotten() -> None:
     assert len(taken(model, run[2:])["image"]) == 1
 
 
-def test_a_restart_draws_the_same() -> None:
-    run = list(moving([(0.01 * tick, 0.0, 0.0) for tick in range(60)]))
-    through = taken(camera(publish="raw"), run)["image"]
-    again = taken(camera(publish="raw"), run[25:])["image"]
-    assert through[-2:] == again[-2:]
-
-
 LENS = Lens(distortion=(-0.2, 0.05), chromatic_aberration=0.004, vignetting=0.4, aperture_m=0.01)
 GRAIN = {"full_well_electrons": 3000.0, "read_noise_electrons": 5.0}
 

@@ -213,12 +213,3 @@ def test_a_cloud_has_both_returns_of_a_ray() -> None:
     for which, ranges in enumerate((last, strongest)):
         expected = scan.returns.range_m[which].T[order]
         np.testing.assert_allclose(ranges, expected, rtol=1e-5)
-
-
-def test_same_seed_same_bytes() -> None:
-    def run(seed: int) -> list[bytes]:
-        made = rooms.scenario(solids=PILLARS, seed=seed, **EVERYTHING)
-        return [bytes(c.points) for c in rooms.clouds(made, rooms.at_rest, 81)]
-
-    assert run(1) == run(1)
-    assert not set(run(1)) & set(run(2))
