@@ -147,19 +147,28 @@ IMU_NOISE = InertialNoise(
 WIDE: dict[str, Any] = {
     **{"divergence_mrad": (30.0, 15.0), "rays_per_beam": 4, "returns": "dual"},
     **{"azimuth_stddev_deg": 0.05, "elevation_stddev_deg": 0.05, "range_stddev_share": 0.001},
+    "laser_times_us": (0.0, 4000.0),
 }
-"""Beams that meet several things, each with errors of its own."""
+"""Beams that meet several things, each with errors of its own; some leave late."""
 
 KINDS: dict[type[Any], tuple[st.SearchStrategy[Any], Callable[..., SensorModel]]] = {
     Lidar: (turning(Lidar, **WIDE, elevations_deg=(-1.0, 1.0), truth=True), LidarModel),
     Lidar2d: (turning(Lidar2d), Lidar2dModel),
     InertialUnit: (
         st.builds(
-            lambda imu, hz: replace(imu, accelerometer=replace(IMU_NOISE, bandwidth_hz=hz)),
+            lambda imu, hz: replace(
+                imu,
+                accelerometer=replace(IMU_NOISE, bandwidth_hz=hz),
+                gyroscope=replace(imu.gyroscope, bandwidth_hz=hz / 2),
+            ),
             of_rate(
                 InertialUnit,
                 mount=Mount((0.1, 0.2, 0.3), (1, 2, 3)),
-                gyroscope=GyroscopeNoise(noise_density=2e-4, turn_on_bias=0.003),
+                gyroscope=GyroscopeNoise(
+                    **{"noise_density": 2e-4, "bias_instability": 5e-5, "random_walk": 1e-5},
+                    **{"turn_on_bias": 0.003, "scale_factor": 0.01, "misalignment_deg": 0.5},
+                    **{"g_sensitivity": 1e-4, "saturation": 4, "resolution": 0.001},
+                ),
                 orientation_stddev_deg=0.25,
             ),
             st.sampled_from([0.0, 50.0, 200.0]),
@@ -382,7 +391,7 @@ def test_a_restart_goes_on_with_the_same_bytes(
     first_nanos = begin * TICK_NANOS
     if isinstance(spec, InertialUnit):
         # It needs two states, those of its filter and then one whole window.
-        ticks = 1 + low_pass_ticks(spec.accelerometer.bandwidth_hz)
+        ticks = 1 + low_pass_ticks(spec.gyroscope.bandwidth_hz)
         first_nanos += ticks * TICK_NANOS + round(1e9 / spec.rate_hz) + 1
     for made in (model(spec), same):
         later = sent(made, STATES[begin:])
