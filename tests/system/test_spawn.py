@@ -59,8 +59,8 @@ def clouds(folder: Path) -> Iterator[PointCloud]:
             again = command(it, "spawn", "crate", "--at=-3.0,0")
             assert again.returncode == 2
             assert again.stderr == (
-                f"groundlink: run `{it.run}`: `crate` would be inside `box`; choose another place "
-                "by --at\n"
+                f"groundlink: run `{it.run}`: `crate` would be inside `box`. Fix: choose another "
+                "place with --at\n"
             )
             step_to(it, bus, 2 * TICKS)
             done = command(it, "remove", "box")
