@@ -193,7 +193,7 @@ def test_a_viewer_that_falls_behind_or_goes_changes_no_rate(running: Running) ->
     assert len(servers) == 2
     for server in servers:
         os.kill(server, signal.SIGSTOP)
-    running.pass_clouds(40)
+    running.pass_clouds(80)
     stopped.send_signal(signal.SIGSTOP)
     running.pass_clouds(80)
     stopped.kill()
