@@ -8,7 +8,7 @@ made again. Faults act on a `Reading` only, not on ground truth.
 
 from collections import deque
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import msgspec
 
@@ -90,14 +90,16 @@ class FaultWrapper:
 
     def renew(self, inner: SensorModel) -> None:
         """Continue with another model, which gets the memory of the one before."""
-        if isinstance(self._inner, RememberingModel) and isinstance(inner, RememberingModel):
-            inner.remember(self._inner.memory())
+        former = self._remembering
         self._hold(inner)
+        if former is not None and self._remembering is not None:
+            self._remembering.remember(former.memory())
 
     def _hold(self, inner: SensorModel) -> None:
         self._inner = inner
         # Checked once instead of at every state.
         self._skipping = inner if isinstance(inner, SkippingModel) else None
+        self._remembering = inner if isinstance(inner, RememberingModel) else None
 
     @property
     def has_gone(self) -> bool:
@@ -137,8 +139,8 @@ class FaultWrapper:
                 reading = decode(body, self._messages[output])
                 self._pasts[output].held[tick] = cast(Reading, reading)
         self._late: deque[_Late] = deque()
-        if isinstance(self._inner, RememberingModel):
-            self._inner.remember(known.inner)
+        if self._remembering is not None:
+            self._remembering.remember(known.inner)
 
     def behind(self, waiting: int) -> None:
         """Record, before each state, how many more states have arrived."""
@@ -194,6 +196,5 @@ class FaultWrapper:
         return bool(self._late) or any(begin <= tick for begin in begins)
 
     def _now(self) -> _Point:
-        inner: Any = self._inner
-        memory = inner.memory() if isinstance(inner, RememberingModel) else b""
-        return _Point(inner.settled_tick(), memory, self._pasts)
+        memory = b"" if self._remembering is None else self._remembering.memory()
+        return _Point(self._inner.settled_tick(), memory, self._pasts)

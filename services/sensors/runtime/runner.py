@@ -75,7 +75,8 @@ class SensorProcess:
         self._max_waiting_ticks = max_waiting_ticks
         self._lets_go = False
         self._missing_cause: Cause = "states lost"
-        # Checked once, because the check takes 20 us, more than most sensors need for a state.
+        # Checked once, because a check takes 20 us, more than most sensors need for a state.
+        self._remembering = model if isinstance(model, RememberingModel) else None
         self._skipping = (
             model if max_waiting_ticks is not None and isinstance(model, SkippingModel) else None
         )
@@ -108,8 +109,8 @@ class SensorProcess:
     def _remember(self, memory: bytes) -> None:
         known = msgspec.msgpack.decode(memory, type=_Memory) if memory else _Memory()
         self._ledger.remember(known.ledger)
-        if isinstance(self._model, RememberingModel):
-            self._model.remember(known.model)
+        if self._remembering is not None:
+            self._remembering.remember(known.model)
 
     def _is_let_go(self, waiting: int) -> bool:
         """Return whether to drop a state: all but the newest are, once too many are queued."""
@@ -187,7 +188,7 @@ class SensorProcess:
         link = self._reconnects()
         again, self._told_by = link != self._told_by, link
         self._ledger.report(settled, stamp_nanos=instant, epoch_nanos=self.epoch_nanos, again=again)
-        memory = self._model.memory() if isinstance(self._model, RememberingModel) else b""
+        memory = b"" if self._remembering is None else self._remembering.memory()
         known = _Memory(self._ledger.memory(), memory)
         self.acknowledged_tick = self.tick
         self._acknowledge(Ack(self._episode, self.tick, settled, msgspec.msgpack.encode(known)))
