@@ -30,9 +30,9 @@ from groundlink.loader import load
 from groundlink.scenario import Scenario
 from groundlink.scenario.lenses import Imager, Lens
 from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.sensors import Camera
 from groundlink.scene.build import solids
 from groundlink.world.solids import Box, Cylinder, Solid, Sphere
+from services.sensors.camera.spec import Camera
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rendering.cameras.messages import jpeg
 from services.sensors.rendering.gl.pinhole import Pinhole

@@ -21,7 +21,7 @@ from groundlink.importing.terrain_specs import HillsTerrain, MaterialRule
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario import Scenario
-from groundlink.scenario.sensors import MOUNT_FROM_OPTICAL
+from groundlink.scenario.every_sensor import MOUNT_FROM_OPTICAL
 from groundlink.world.solids import Material
 from groundlink.world.terrain import load_ground
 from services.sensors.rendering.gl.pinhole import Pinhole

@@ -27,9 +27,9 @@ from groundlink.core.frames import Floats
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED, read_datasheet
 from groundlink.messages.base import PointCloud, State
-from groundlink.scenario.sensors import Lidar
 from groundlink.world.triangles import of_ground
 from services.sensors.lidar.model import LidarModel
+from services.sensors.lidar.spec import Lidar
 from services.sensors.rays.scene import Reals
 
 from . import driving

@@ -16,10 +16,10 @@ from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import State, VehicleState, packed
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Lidar
 from groundlink.world.terrain import Ground
 from groundlink.world.triangles import Triangles, merged, of_ground
 from services.sensors.lidar.model import LidarModel
+from services.sensors.lidar.spec import Lidar
 from services.sensors.rays.scene import Scene
 from services.sensors.rays.terrain import Relief
 

@@ -10,7 +10,6 @@ from groundlink.messages.missing_readings import Cause, MissingReadings
 from groundlink.ros.cdr import from_cdr
 from groundlink.ros.codec import Moment
 from groundlink.ros.streams import CLOCK_TOPIC, missing_readings_topic
-from groundlink.scenario.sensors import Encoders, WheelOdometry
 
 from .reader import Recording
 
@@ -66,8 +65,7 @@ def accumulating_topics(recording: Recording) -> dict[str, str]:
     is_late = run.scenario.time.mode == "realtime" and clock and clock.first_nanos > run.epoch_nanos
     for vehicle in run.scenario.vehicles:
         for sensor in vehicle.sensors:
-            misses = isinstance(sensor, Encoders) and sensor.missed_ticks > 0
-            if not (misses or isinstance(sensor, WheelOdometry)):
+            if not sensor.accumulates:
                 continue
             reports = messages_of(
                 recording, missing_readings_topic(f"{vehicle.name}/{sensor.name}"), MissingReadings

@@ -9,7 +9,7 @@ only the first is used, since a frame has one parent and a joint one angle.
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
@@ -20,14 +20,13 @@ from groundlink.core.frames import IDENTITY_QUATERNION, Floats
 from groundlink.messages.base import BusMessage, WheelEncoders, measured_nanos, packed
 from groundlink.messages.ground_truth import WORLD_FRAME
 from groundlink.messages.navigation import JointState, Odometry, Text, Transform, Transforms
+from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import Encoders, WheelOdometry
+from groundlink.scenario.wheel_encoders import IncrementalEncoders
 
 from .robot_description import urdf
 from .streams import TF_STATIC_TOPIC, TF_TOPIC, TRUE_TF_TOPIC, mounts, static_transforms
 from .tf_tree import TopFromTruth, stamped
-
-S = TypeVar("S")
 
 MAP_FRAME, ODOM_FRAME = "map", "odom"
 """Frame names of REP 105."""
@@ -61,8 +60,8 @@ class Base:
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, run: str) -> None:
         self._vehicle = vehicle
-        self._encoders = _first(vehicle, Encoders)
-        odometry = _first(vehicle, WheelOdometry) if vehicle.tf.odom else None
+        self._encoders = _encoders(vehicle)
+        odometry = _odometry(vehicle) if vehicle.tf.odom else None
         self._joints_topic = f"{vehicle.namespace}/{JOINT_STATES}"
         self.topics: list[BaseTopic] = []
         """Topics of the messages that follow from bus messages, without the robot description."""
@@ -71,10 +70,7 @@ class Base:
         """Keys of the bus topics that the driver subscribes to, by role."""
 
         if self._encoders is not None:
-            key = SENSOR_TOPICS["encoders"].key_in(
-                run, vehicle=vehicle.name, sensor=self._encoders.name
-            )
-            self.keys["encoders"] = key
+            self.keys["encoders"] = _key(run, vehicle, self._encoders)
             self.topics.append(BaseTopic(self._joints_topic, JointState, self._encoders.rate_hz))
         if vehicle.model.joints:
             self.keys["joints"] = JOINTS.key_in(run, vehicle=vehicle.name)
@@ -83,17 +79,14 @@ class Base:
             )
         tf_hz = 0.0
         if odometry is not None:
-            key = SENSOR_TOPICS["wheel_odometry"].key_in(
-                run, vehicle=vehicle.name, sensor=odometry.name
-            )
-            self.keys["odometry"] = key
-            tf_hz += odometry.rate_hz
+            self.keys["odometry"] = _key(run, vehicle, odometry)
+            tf_hz += odometry.message_rate_hz
         self._from_truth = TopFromTruth(
             MAP_FRAME, _top(vehicle, odometry), without_odometry=odometry is None
         )
         if vehicle.tf.map == "truth":
             self.keys["truth"] = GROUND_TRUTH.key_in(run, vehicle=vehicle.name)
-            tf_hz += odometry.rate_hz if odometry else vehicle.ground_truth.rate_hz
+            tf_hz += odometry.message_rate_hz if odometry else vehicle.ground_truth.rate_hz
         if tf_hz:
             self.topics.append(BaseTopic(TF_TOPIC, Transforms, tf_hz))
         self._roles = {key: role for role, key in self.keys.items()}
@@ -137,7 +130,7 @@ class Base:
     def fixed(self, stamp_nanos: int) -> tuple[Transform, ...]:
         """Return the static transforms above `odom`."""
         prefix = self._vehicle.frame_prefix
-        odometry = _first(self._vehicle, WheelOdometry)
+        odometry = _odometry(self._vehicle)
         if self._vehicle.tf.map == "truth":
             still = (stamp_nanos, WORLD_FRAME, MAP_FRAME)
         elif self._vehicle.tf.map == "identity":
@@ -199,7 +192,7 @@ class TrueTree:
     """
 
     def __init__(self, vehicle: Vehicle, run: str) -> None:
-        odometry = _first(vehicle, WheelOdometry) if vehicle.tf.odom else None
+        odometry = _odometry(vehicle) if vehicle.tf.odom else None
         self._roles: dict[str, str] = {}
         self.topics: list[BaseTopic] = []
         """Topics of the messages; empty if `/tf` includes `world` already."""
@@ -208,11 +201,8 @@ class TrueTree:
             self._roles[GROUND_TRUTH.key_in(run, vehicle=vehicle.name)] = "truth"
             rate_hz = vehicle.ground_truth.rate_hz
             if odometry is not None:
-                key = SENSOR_TOPICS["wheel_odometry"].key_in(
-                    run, vehicle=vehicle.name, sensor=odometry.name
-                )
-                self._roles[key] = "odometry"
-                rate_hz = odometry.rate_hz
+                self._roles[_key(run, vehicle, odometry)] = "odometry"
+                rate_hz = odometry.message_rate_hz
             self.topics.append(BaseTopic(TRUE_TF_TOPIC, Transforms, rate_hz))
         self._from_truth = TopFromTruth(
             WORLD_FRAME, _top(vehicle, odometry), without_odometry=odometry is None
@@ -295,7 +285,7 @@ def is_latched(topic: str) -> bool:
     return topic == TF_STATIC_TOPIC or topic.endswith(f"/{DESCRIPTION}")
 
 
-def _top(vehicle: Vehicle, odometry: WheelOdometry | None) -> str:
+def _top(vehicle: Vehicle, odometry: SensorSpec | None) -> str:
     """Return the topmost frame of a vehicle's tree, if no ground truth is used for its map."""
     if odometry is None:
         return vehicle.frame_prefix + vehicle.model.base_frame
@@ -303,5 +293,16 @@ def _top(vehicle: Vehicle, odometry: WheelOdometry | None) -> str:
     return vehicle.frame_prefix + frame
 
 
-def _first(vehicle: Vehicle, kind: type[S]) -> S | None:
-    return next((sensor for sensor in vehicle.sensors if isinstance(sensor, kind)), None)
+def _encoders(vehicle: Vehicle) -> IncrementalEncoders | None:
+    return next((s for s in vehicle.sensors if isinstance(s, IncrementalEncoders)), None)
+
+
+def _odometry(vehicle: Vehicle) -> SensorSpec | None:
+    """Return the first sensor that publishes odometry."""
+    rows = ((sensor, SENSOR_TOPICS.get(sensor.kind)) for sensor in vehicle.sensors)
+    return next((sensor for sensor, row in rows if row and row.message is Odometry), None)
+
+
+def _key(run: str, vehicle: Vehicle, sensor: SensorSpec) -> str:
+    """Return the key of a sensor's main stream."""
+    return SENSOR_TOPICS[sensor.kind].key_in(run, vehicle=vehicle.name, sensor=sensor.name)

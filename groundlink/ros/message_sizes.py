@@ -16,8 +16,8 @@ from groundlink.core.extras import needs
 from groundlink.messages.base import PointCloud, packed
 from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
 from groundlink.scenario.every_sensor import Carrier, SensorSpec
-from groundlink.scenario.lidars import RotatingLidar
 from groundlink.scenario.ros_side import GatewaySettings
+from groundlink.scenario.rotating_lidar import RotatingLidar
 from groundlink.scenario.schema import Vehicle
 
 BLOCKS_DEG = (180, 120, 90, 72, 60, 45, 40, 36, 30, 24, 20, 15, 12, 10, 9, 8, 6, 5, 4, 3, 2.4, 2, 1)

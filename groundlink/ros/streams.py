@@ -30,10 +30,10 @@ from groundlink.messages.base import BusMessage, Clock, State, floats
 from groundlink.messages.ground_truth import VITALS_HZ, WORLD_FRAME
 from groundlink.messages.navigation import Transform, Transforms
 from groundlink.scenario import Scenario
-from groundlink.scenario.every_sensor import SensorSpec
+from groundlink.scenario.every_sensor import Repair, SensorSpec
 from groundlink.scenario.ros_side import Stream
+from groundlink.scenario.rotating_lidar import RotatingLidar
 from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.sensors import Repair, RotatingLidar
 
 CLOCK_TOPIC = "/clock"
 TF_TOPIC = "/tf"

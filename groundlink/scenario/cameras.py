@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenario fields of cameras; the defaults describe an ideal camera.
-
-`Optics` has the fields that all kinds of cameras share.
-"""
+"""Scenario fields that all kinds of cameras share; the defaults describe an ideal camera."""
 
 import math
 from typing import Annotated, ClassVar, Literal
@@ -14,10 +11,14 @@ from groundlink.core.fields import Positive
 from groundlink.messages.base import BusMessage
 from groundlink.messages.imagery import CompressedImage, Image
 
-from .every_sensor import Carrier, Rate, SensorSpec
+from .every_sensor import Rate, SensorSpec
 from .lenses import Imager, Lens
 
 FieldOfView = Annotated[float, Meta(ge=1, le=170)]
+Publish = Literal["compressed", "raw", "both"]
+"""Forms in which a stream of images is published."""
+
+JpegQuality = Annotated[int, Meta(ge=1, le=100)]
 
 
 class Optics(SensorSpec, frozen=True, kw_only=True):
@@ -58,6 +59,16 @@ class Optics(SensorSpec, frozen=True, kw_only=True):
         """Return the time of exposure and readout, in seconds."""
         return self.imager.span_s
 
+    @property
+    def color_encoding(self) -> str:
+        """Return the encoding of color pictures, as in sensor_msgs/Image."""
+        return "rgb8"
+
+
+def info_beside(topic: str) -> str:
+    """Return the CameraInfo topic that belongs to an image topic, as named by image_transport."""
+    return f"{topic.rpartition('/')[0]}/camera_info"
+
 
 JPEG_NOISE = ((1, 50, 80, 90, 95, 100), (0.42, 0.42, 0.68, 0.91, 1.19, 2.0))
 """Bytes per pixel of a JPEG of random colors, by quality. The curve is convex, so linear
@@ -83,31 +94,3 @@ def largest_picture(
     row = camera.width * (3 if encoding in ("rgb8", "bgr8") else 1)
     data = memoryview(bytes(row * camera.height))
     return Image(0, frame, camera.height, camera.width, encoding, row, data)
-
-
-class Camera(Optics, frozen=True, tag="camera", kw_only=True):
-    """A color or grayscale camera; `topic` is its image topic as named by image_transport."""
-
-    encoding: Literal["rgb8", "bgr8", "mono8", "bayer_rggb8"] = "rgb8"
-    publish: Literal["compressed", "raw", "both"] = "compressed"
-    """`compressed`: JPEG under `<topic>/compressed`. `raw`: pixels under `topic`. `both`: both."""
-
-    jpeg_quality: Annotated[int, Meta(ge=1, le=100)] = 80
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.encoding.startswith("bayer") and self.publish != "raw":
-            raise ValueError("JPEG does not preserve a bayer pattern. Fix: add `publish: raw`")
-
-    def ros_topics(self) -> dict[str, str]:
-        """Return the camera's image_transport topics and the topic of its CameraInfo."""
-        namespace = self.topic.rpartition("/")[0]
-        topics = {} if self.publish == "raw" else {"": f"{self.topic}/compressed"}
-        if self.publish != "compressed":
-            topics["image"] = self.topic
-        return topics | {"camera_info": f"{namespace}/camera_info"}
-
-    def largest_message(self, carrier: Carrier) -> BusMessage:
-        """Return a picture of pure noise."""
-        frame = carrier.frame_prefix + self.frame
-        return largest_picture(self, frame, self.publish, self.encoding, self.jpeg_quality)

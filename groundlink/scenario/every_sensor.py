@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scenario fields that all kinds of sensors share.
 
-Each kind adds its own fields in `sensors.py`, `lidars.py` and `cameras.py`. Angles and lengths are
+Each kind adds its own fields in `spec.py` of its folder. `rotating_lidar`, `cameras` and
+`wheel_encoders` have the fields that several kinds or other processes share. Angles and lengths are
 in the units that their names state; the code that uses them converts them.
 """
 
@@ -164,6 +165,11 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     def measuring_s(self) -> float:
         """Return the longest time from the start of a measurement to its message, in seconds."""
         return 0.0
+
+    @property
+    def accumulates(self) -> bool:
+        """Return whether readings depend on all earlier states, so that missed ones change them."""
+        return False
 
     def schedule(self) -> ReadingSchedule:
         """Return the schedule of readings that are due."""

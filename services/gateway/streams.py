@@ -14,7 +14,7 @@ from groundlink.ros.cdr import CODECS, ROS_CODECS, Body, reader
 from groundlink.ros.message_sizes import body_bytes
 from groundlink.ros.streams import Outgoing, incoming
 from groundlink.scenario import Scenario
-from groundlink.scenario.sensors import RepairBy
+from groundlink.scenario.every_sensor import RepairBy
 from udp_bridge.sender.repair import Mode, parse_mode
 from udp_bridge.wire.control import Subscribe
 from udp_bridge.wire.message import Message as WireMessage

@@ -27,8 +27,9 @@ from groundlink.messages.base import (
 from groundlink.messages.ground_truth import TruePoints
 from groundlink.ros.cdr import READERS
 from groundlink.ros.types import STORE
+from groundlink.scenario.rotating_lidar import RotatingLidar
 from groundlink.scenario.sensor_kinds import load_reference, sensor_kinds
-from groundlink.scenario.sensors import Encoders, Lidar
+from groundlink.scenario.wheel_encoders import IncrementalEncoders
 
 from . import draw_imagery, draw_ros_messages
 from .colors import Colors, of_bodies, of_cells, of_points
@@ -80,7 +81,7 @@ def wheel_encoders(drawing: Drawing, track: Track, path: str, message: WheelEnco
     if seconds <= 0:
         return
     per_tick = {}
-    if isinstance(spec, Encoders):
+    if isinstance(spec, IncrementalEncoders):
         for wheel in track.spec.model.wheels:
             tread = 2 * math.pi * wheel.radius_m / spec.ticks_per_wheel_revolution
             per_tick[wheel.name] = -tread if wheel.name in spec.reversed_wheels else tread
@@ -96,7 +97,7 @@ def point_cloud(drawing: Drawing, track: Track, path: str, message: PointCloud) 
     """Draw a revolution in the world, each point with the LiDAR's pose at its instant."""
     records = message.records()
     spec = track.sensor(path)
-    rings = len(spec.elevations_deg) if isinstance(spec, Lidar) else 16
+    rings = len(spec.elevations_deg) if isinstance(spec, RotatingLidar) else 16
     colors = of_points(records, drawing.coloring, rings)
     _points(drawing, track, path, message, records["time"], colors)
 

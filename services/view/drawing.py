@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from groundlink.core.clock import NANOS
 from groundlink.core.frames import Floats, transform
 from groundlink.scenario import Scenario
+from groundlink.scenario.every_sensor import SensorSpec
+from groundlink.scenario.rotating_lidar import RotatingLidar
 from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.sensors import RotatingLidar, SensorSpec
 
 from .colors import Coloring
 from .plots import TIMELINE, Plots

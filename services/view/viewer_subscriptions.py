@@ -17,7 +17,7 @@ from groundlink.messages.imagery import CompressedImage, Image
 from groundlink.messages.navigation import OccupancyGrid
 from groundlink.ros.streams import RosStream, incoming, outgoing
 from groundlink.scenario import Scenario
-from groundlink.scenario.sensors import RotatingLidar
+from groundlink.scenario.rotating_lidar import RotatingLidar
 
 from .reconstructed_states import ReceivedMessage, StateReconstructor
 

@@ -21,7 +21,7 @@ from groundlink.bus.topics import TOPICS
 from groundlink.core.clock import NANOS
 from groundlink.loader import load
 from groundlink.messages.base import Health, State
-from groundlink.scenario.sensors import Encoders
+from services.sensors.encoders.spec import Encoders
 
 from .rig import Observer, Rig, children_of, rig, wait_for
 

@@ -30,9 +30,9 @@ from groundlink.messages.navigation import Odometry, Transforms
 from groundlink.recording.reader import Recording
 from groundlink.ros.cdr import from_cdr
 from groundlink.ros.codec import Moment
-from groundlink.scenario.sensors import Lidar
 from groundlink.scene.build import solids, world_hash
 from groundlink.world.solids import Box, Cylinder, Solid
+from services.sensors.lidar.spec import Lidar
 
 from .rig import REPOSITORY, Rig, children_of, free_port, rig, wait_for
 

@@ -19,8 +19,9 @@ from groundlink.episode import routes
 from groundlink.loader import load
 from groundlink.ros.message_sizes import Cut, NeverFits, cut, fitting_block_deg
 from groundlink.ros.streams import answers_mistake
+from groundlink.scenario.every_sensor import SensorSpec
+from groundlink.scenario.rotating_lidar import RotatingLidar
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import RotatingLidar, SensorSpec
 from groundlink.scene.build import solids, world_hash
 
 

@@ -17,7 +17,7 @@ from groundlink.cli.terminal import output as terminal
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.loader import load
 from groundlink.monitor.supervisor import Supervisor
-from groundlink.scenario.sensors import Optics
+from groundlink.scenario.cameras import Optics
 
 from .world import is_picture
 

@@ -16,7 +16,7 @@ from groundlink.bus.topics import sensor_outputs
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.missing_readings import CAUSES, MissingReadings
 from groundlink.scenario import Scenario
-from groundlink.scenario.sensors import SensorSpec
+from groundlink.scenario.every_sensor import SensorSpec
 
 IN_TRANSIT = "in transit"
 """Too near to the end of the recording for a report to be in the file."""

@@ -12,9 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundlink.core.frames import transform
+from groundlink.messages.base import Imu, PointCloud
+from groundlink.messages.imagery import LaserScan
+from groundlink.messages.navigation import NavSatFix, Odometry
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.schema import Datum
-from groundlink.scenario.sensors import Gnss, InertialUnit, Lidar, Lidar2d, WheelOdometry
+from groundlink.scenario.sensor_kinds import sensor_kinds
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +42,7 @@ class ImuSamples:
     """Time (s of the run), angular velocity (rad/s), specific force (m/s2), in the sensor."""
 
     def add(self, seconds: float, imu: Any) -> None:
-        """Take a sensor_msgs/InertialUnit."""
+        """Take a sensor_msgs/Imu."""
         turn, force = imu.angular_velocity, imu.linear_acceleration
         self.rows.append((seconds, turn.x, turn.y, turn.z, force.x, force.y, force.z))
 
@@ -140,15 +143,17 @@ Readings = ImuSamples | EstimatedTrajectory | CloudSample
 
 
 def readings_of(sensor: SensorSpec, datum: Datum | None, middle_s: float) -> Readings | None:
-    """Return the collector of a sensor's readings; None for kinds without a plot."""
-    if isinstance(sensor, InertialUnit):
+    """Return the collector of a sensor's readings; None for messages without a plot."""
+    kind = sensor_kinds().get(sensor.kind)
+    message = kind.streams[""] if kind else None
+    if message is Imu:
         return ImuSamples(sensor.topic)
-    if isinstance(sensor, WheelOdometry):
+    if message is Odometry:
         return EstimatedTrajectory(sensor.topic)
-    if isinstance(sensor, Gnss) and datum is not None:
+    if message is NavSatFix and datum is not None:
         x, y, _ = sensor.mount.xyz_m
         return EstimatedTrajectory(sensor.topic, datum, (x, y))
-    if isinstance(sensor, Lidar | Lidar2d):
+    if message is PointCloud or message is LaserScan:
         mount = transform(sensor.mount.xyz_m, sensor.mount.quaternion())
         return CloudSample(sensor.topic, middle_s, mount)
     return None

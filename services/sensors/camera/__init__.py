@@ -2,8 +2,9 @@
 """Sensor kind `camera`: a color or gray camera. Other kinds never import this package."""
 
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
-from groundlink.scenario.cameras import Camera
 from groundlink.scenario.sensor_kinds import SensorKind
+
+from .spec import Camera
 
 KIND = SensorKind(
     spec=Camera,

@@ -8,11 +8,12 @@ with.
 
 from groundlink.messages.base import BusMessage
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import Camera
 from services.sensors.rendering.cameras.camera_eye import CameraEye
 from services.sensors.rendering.cameras.messages import ENCODINGS, camera_info, image, jpeg
 from services.sensors.runtime.model import StreamMessage
 from services.sensors.runtime.picture_times import PictureModel
+
+from .spec import Camera
 
 
 class CameraModel(PictureModel):

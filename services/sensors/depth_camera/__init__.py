@@ -3,8 +3,9 @@
 
 from groundlink.messages.base import PointCloud
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
-from groundlink.scenario.depth_cameras import DepthCamera
 from groundlink.scenario.sensor_kinds import SensorKind
+
+from .spec import DepthCamera
 
 KIND = SensorKind(
     spec=DepthCamera,

@@ -17,11 +17,12 @@ from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.core.frames import Floats, transform
 from groundlink.messages.base import State
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import DepthCamera
 from services.sensors.rays.replica import Replica
 from services.sensors.rendering.gl.context import RenderingUnavailableError, open_context
 from services.sensors.rendering.gl.pinhole import NEAR_M, Pinhole
 from services.sensors.rendering.optics.distortion import lens_pinhole, slopes
+
+from .spec import DepthCamera
 
 if TYPE_CHECKING:
     from services.sensors.rendering.gl.target import Layer

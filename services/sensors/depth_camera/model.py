@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from groundlink.messages.base import BusMessage
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import DepthCamera
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rendering.cameras.messages import camera_info, image, jpeg
 from services.sensors.runtime.model import StreamMessage
@@ -20,6 +19,7 @@ from services.sensors.runtime.picture_times import PictureModel
 
 from .eyes import DepthEye, depth_eye
 from .forms import compressed_depth, pixels, points
+from .spec import DepthCamera
 
 
 class DepthCameraModel(PictureModel):

@@ -3,7 +3,8 @@
 
 from groundlink.messages.base import WheelEncoders
 from groundlink.scenario.sensor_kinds import SensorKind
-from groundlink.scenario.sensors import Encoders
+
+from .spec import Encoders
 
 KIND = SensorKind(
     spec=Encoders,

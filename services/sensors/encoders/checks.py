@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from groundlink.core.errors import did_you_mean
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensor_kinds import Problem
-from groundlink.scenario.sensors import Encoders
+
+from .spec import Encoders
 
 
 def problems(spec: Encoders, vehicle: Vehicle, scenario: Scenario) -> Iterator[Problem]:

@@ -7,16 +7,17 @@ the counts. The stamp of a reading is its schedule event, and the counts are tho
 
 from groundlink.core.clock import TICK_NANOS, Schedule
 from groundlink.messages import base as messages
-from groundlink.scenario import sensors
 from groundlink.scenario.schema import Scenario, Vehicle
 from services.sensors.runtime.next_event import NextEvent
 from services.sensors.runtime.wheel_counters import WheelCounters
+
+from .spec import Encoders
 
 
 class EncodersModel:
     """Wheel encoders of a vehicle (a `RememberingModel`)."""
 
-    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: sensors.Encoders) -> None:
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Encoders) -> None:
         self._frame = vehicle.frame_prefix + spec.frame
         self._due = NextEvent(Schedule.at(spec.rate_hz))
         self._counters = WheelCounters(scenario, vehicle, spec)

@@ -16,10 +16,10 @@ from groundlink.core.clock import TICK_RATE_HZ
 from groundlink.episode.fault_messages import CLEAR, FaultAnswer, Faults
 from groundlink.messages.base import Ack, State
 from groundlink.process.state_follower import StateConsumer
+from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.faults import Fault
 from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.sensors import SensorSpec
 
 from .fault_wrapper import FaultWrapper
 

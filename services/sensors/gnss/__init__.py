@@ -3,7 +3,8 @@
 
 from groundlink.messages.navigation import NavSatFix
 from groundlink.scenario.sensor_kinds import SensorKind
-from groundlink.scenario.sensors import Gnss
+
+from .spec import Gnss
 
 KIND = SensorKind(
     spec=Gnss,

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensor_kinds import Problem
-from groundlink.scenario.sensors import Gnss
+
+from .spec import Gnss
 
 
 def problems(spec: Gnss, vehicle: Vehicle, scenario: Scenario) -> Iterator[Problem]:

@@ -28,7 +28,6 @@ from groundlink.core.frames import Floats, matrix_from_quaternion
 from groundlink.messages.base import BadBusMessage, State, floats, packed
 from groundlink.messages.navigation import NavSatFix
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import Gnss
 from services.sensors.noise.error_processes import BLOCK_TICKS, ErrorProcesses
 from services.sensors.noise.normal import PolarNormal
 from services.sensors.noise.random_streams import RandomStreams
@@ -38,6 +37,7 @@ from services.sensors.runtime.next_event import Event, NextEvent
 
 from .geodesy import Geodetic, TangentPlane, geodetic_from_ecef
 from .reception import Reception
+from .spec import Gnss
 
 
 class FixErrors(NamedTuple):

@@ -17,8 +17,9 @@ from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats
 from groundlink.messages.base import State
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import Gnss
 from services.sensors.rays.probe import RayProbe
+
+from .spec import Gnss
 
 WORST_CONDITION = 1e6
 """Condition number of the normal matrix. Above it, satellites lie on a line or a cone and give no

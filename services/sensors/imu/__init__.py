@@ -2,11 +2,12 @@
 """Sensor kind `imu`: an inertial measurement unit. Other kinds never import this package."""
 
 from groundlink.messages.base import Imu
-from groundlink.scenario import sensors as specs
 from groundlink.scenario.sensor_kinds import SensorKind
 
+from .spec import InertialUnit
+
 KIND = SensorKind(
-    spec=specs.InertialUnit,
+    spec=InertialUnit,
     streams={"": Imu},
     model="services.sensors.imu.model:ImuModel",
 )

@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from groundlink.core.clock import TICK_RATE_HZ, Schedule
 from groundlink.core.fields import Vector3
-from groundlink.scenario.inertial import InertialNoise
-from groundlink.scenario.sensors import InertialUnit
 from services.sensors.noise.error_processes import BLOCK_TICKS, ErrorProcesses
 from services.sensors.noise.normal import NORMALS
 from services.sensors.noise.random_streams import RandomStreams
 
 from .lowpass import Six
+from .spec import InertialNoise, InertialUnit
 
 BLOCK_SAMPLES = 128
 """Number of samples whose orientation errors are drawn together."""

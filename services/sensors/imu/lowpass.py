@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundlink.core.clock import TICK_SECONDS
-from groundlink.scenario.inertial import low_pass_ticks
+
+from .spec import low_pass_ticks
 
 Six = list[float]
 """Specific force x, y, z and angular rate x, y, z."""

@@ -28,14 +28,13 @@ import numpy as np
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, Schedule
 from groundlink.core.quaternions import from_rotation_vector, multiply
 from groundlink.messages import base as messages
-from groundlink.scenario import sensors
-from groundlink.scenario.inertial import InertialNoise
 from groundlink.scenario.schema import Scenario, Vehicle
 from services.sensors.noise.random_streams import RandomStreams
 
 from .errors import ImuErrors
 from .lowpass import Six, low_pass, weights
 from .motion import SensorMotion, TickMotion
+from .spec import InertialNoise, InertialUnit
 
 
 class Window:
@@ -89,7 +88,7 @@ class ImuModel:
     has to model them, as with a real device.
     """
 
-    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: sensors.InertialUnit) -> None:
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: InertialUnit) -> None:
         self._vehicle = vehicle.name
         self._frame = vehicle.frame_prefix + spec.frame
         self._mount = spec.mount

@@ -29,7 +29,7 @@ from groundlink.core.quaternions import (
     rotate,
     rotation_vector,
 )
-from groundlink.scenario.sensors import Mount
+from groundlink.scenario.every_sensor import Mount
 
 STANDARD_GRAVITY_MPS2 = 9.80665
 """Standard acceleration of gravity (ISO 80000-3), down along the world's z."""

@@ -3,8 +3,9 @@
 
 from groundlink.messages.base import PointCloud
 from groundlink.messages.ground_truth import TruePoints
-from groundlink.scenario.lidars import Lidar
 from groundlink.scenario.sensor_kinds import SensorKind
+
+from .spec import Lidar
 
 KIND = SensorKind(
     spec=Lidar,

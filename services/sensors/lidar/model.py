@@ -13,11 +13,12 @@ import numpy as np
 from groundlink.messages.base import POINT, PointCloud, State, packed
 from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import Lidar
 from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Reals
 from services.sensors.runtime.model import LeftOut, Made, StreamMessage
 from services.sensors.scanning.scanner import Scan, Scanner
+
+from .spec import Lidar
 
 
 class LidarModel:

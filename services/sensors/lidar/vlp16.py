@@ -16,12 +16,12 @@ import numpy as np
 from groundlink.core.clock import NANOS, Schedule
 from groundlink.core.errors import UserError
 from groundlink.messages.base import PointCloud, measured_nanos
-from groundlink.scenario.sensors import Lidar
 from services.sensors.rays.scene import Reals
 from services.sensors.runtime.model import Datagram
 from services.sensors.scanning.sweep import ahead_by_encoder_deg
 
 from . import packets
+from .spec import Lidar
 
 DATA_PER_POSITION = 14
 

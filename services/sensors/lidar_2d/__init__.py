@@ -2,8 +2,9 @@
 """Sensor kind `lidar_2d`: a planar laser scanner. Other kinds never import this package."""
 
 from groundlink.messages.imagery import LaserScan
-from groundlink.scenario.lidars import Lidar2d
 from groundlink.scenario.sensor_kinds import SensorKind
+
+from .spec import Lidar2d
 
 KIND = SensorKind(
     spec=Lidar2d,

@@ -17,10 +17,11 @@ import numpy as np
 from groundlink.messages.base import State, packed
 from groundlink.messages.imagery import LaserScan
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import Lidar2d
 from services.sensors.runtime.model import LeftOut
 from services.sensors.scanning.scanner import Scan, Scanner
 from services.sensors.scanning.sweep import SIGNS
+
+from .spec import Lidar2d
 
 
 class Lidar2dModel:

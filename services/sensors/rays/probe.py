@@ -11,8 +11,8 @@ import numpy as np
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.frames import Floats, matrix_from_quaternion, nlerp, quaternion_from_rpy
 from groundlink.messages.base import State
+from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import Mount
 
 from .replica import Replica
 from .scene import Hits

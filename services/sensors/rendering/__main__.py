@@ -18,7 +18,7 @@ from groundlink.core.extras import needs
 from groundlink.process import runner as process
 from groundlink.process.joining import join_world
 from groundlink.process.state_follower import StateFollower, follow_states
-from groundlink.scenario.sensors import Optics
+from groundlink.scenario.cameras import Optics
 from groundlink.scene.build import world_hash
 from services.sensors.runtime.runner import SensorProcess
 

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from groundlink.core.clock import TICK_NANOS, Schedule
 from groundlink.messages.base import BadBusMessage, BusMessage, State
-from groundlink.scenario.sensors import Optics
+from groundlink.scenario.cameras import Optics
 
 from .model import LeftOut, Made, StreamMessage
 from .next_event import NextEvent

@@ -24,7 +24,7 @@ import msgspec
 from groundlink.core.clock import NANOS, TICK_NANOS, exact
 from groundlink.messages.base import BadBusMessage, State, floats
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import Encoders
+from groundlink.scenario.wheel_encoders import IncrementalEncoders
 from services.sensors.noise.random_streams import RandomStreams
 
 BLOCK_TICKS = 128
@@ -52,7 +52,7 @@ class _Memory(msgspec.Struct, array_like=True):
 class WheelCounters:
     """Counters of one vehicle's wheels for one `encoders` sensor."""
 
-    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Encoders) -> None:
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: IncrementalEncoders) -> None:
         self._vehicle = vehicle.name
         model = vehicle.model
         self.names = tuple(shaft.name for shaft in model.counted)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from groundlink.scenario.sensors import RotatingLidar
+from groundlink.scenario.rotating_lidar import RotatingLidar
 from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Reals
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.scenario.sensors import RotatingLidar
+from groundlink.scenario.rotating_lidar import RotatingLidar
 from groundlink.world.solids import RETROREFLECTION
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rays.kernels import kernels

@@ -18,8 +18,8 @@ from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
 from groundlink.core.frames import Floats
 from groundlink.messages.base import BadBusMessage, State
 from groundlink.messages.reading_schedule import Blocks
+from groundlink.scenario.rotating_lidar import RotatingLidar
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import RotatingLidar
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rays.replica import Replica
 from services.sensors.rays.scene import Reals

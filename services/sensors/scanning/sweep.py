@@ -14,7 +14,7 @@ import numpy as np
 
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.frames import Floats, matrix_from_quaternion, quaternion_from_rpy
-from groundlink.scenario.sensors import RotatingLidar
+from groundlink.scenario.rotating_lidar import RotatingLidar
 from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Reals
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.frames import Floats, matrix_from_quaternion, nlerp, quaternion_from_rpy
-from groundlink.scenario.sensors import Mount
+from groundlink.scenario.every_sensor import Mount
 from services.sensors.rays.replica import Replica
 from services.sensors.rays.scene import Hits, Numbers, Reals
 

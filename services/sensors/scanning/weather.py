@@ -26,7 +26,7 @@ from ctypes import c_float, c_size_t, c_void_p
 import numpy as np
 
 from groundlink.core.frames import Floats
-from groundlink.scenario.sensors import RotatingLidar
+from groundlink.scenario.rotating_lidar import RotatingLidar
 from groundlink.world.weather import Weather
 from services.sensors.rays.scene import Reals
 

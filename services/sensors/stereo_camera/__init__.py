@@ -2,8 +2,9 @@
 """Sensor kind `stereo_camera`. Other kinds never import this package."""
 
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
-from groundlink.scenario.depth_cameras import StereoCamera
 from groundlink.scenario.sensor_kinds import SensorKind
+
+from .spec import StereoCamera
 
 KIND = SensorKind(
     spec=StereoCamera,

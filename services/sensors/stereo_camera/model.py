@@ -9,11 +9,12 @@ ROS, and the same stamp.
 
 from groundlink.messages.base import BusMessage
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import StereoCamera
 from services.sensors.rendering.cameras.camera_eye import CameraEye
 from services.sensors.rendering.cameras.messages import ENCODINGS, camera_info, image, jpeg
 from services.sensors.runtime.model import StreamMessage
 from services.sensors.runtime.picture_times import PictureModel
+
+from .spec import StereoCamera
 
 LEFT = ("", "compressed", "camera_info")
 RIGHT = ("right", "right_compressed", "right_camera_info")

@@ -3,7 +3,8 @@
 
 from groundlink.messages.navigation import Odometry
 from groundlink.scenario.sensor_kinds import SensorKind
-from groundlink.scenario.sensors import WheelOdometry
+
+from .spec import WheelOdometry
 
 KIND = SensorKind(
     spec=WheelOdometry,

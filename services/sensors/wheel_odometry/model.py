@@ -26,11 +26,12 @@ from groundlink.scenario.running_gear import (
     Tracked,
 )
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import Encoders, WheelOdometry
+from groundlink.scenario.wheel_encoders import IncrementalEncoders
 from services.sensors.runtime.next_event import NextEvent
 from services.sensors.runtime.wheel_counters import WheelCounters, wrapped
 
 from .reckoning import Floats, Reckoned, Reckoning
+from .spec import WheelOdometry
 
 UNKNOWN = 1e6
 """Variance of unobserved components, m^2 or rad^2 (per second squared for velocities)."""
@@ -67,7 +68,7 @@ class WheelOdometryModel:
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: WheelOdometry) -> None:
         encoders = next((s for s in vehicle.sensors if s.name == spec.encoders), None)
-        if not isinstance(encoders, Encoders):
+        if not isinstance(encoders, IncrementalEncoders):
             raise UserError(
                 f"`{vehicle.name}/{spec.name}` `encoders`: expected the name of a sensor of kind "
                 "`encoders`"

@@ -12,7 +12,8 @@ from groundlink.loader import ScenarioError, load
 from groundlink.loader.document import read
 from groundlink.loader.scenario_files import SHIPPED, load_route
 from groundlink.scenario.route import Circle, FigureEight
-from groundlink.scenario.sensors import InertialUnit, Lidar
+from services.sensors.imu.spec import InertialUnit
+from services.sensors.lidar.spec import Lidar
 
 GOOD = """\
 name: test

@@ -34,7 +34,7 @@ from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.streams import faults_topic, missing_readings_topic
 from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Bias, Drop, Fault, Stuck
-from groundlink.scenario.sensors import Encoders
+from services.sensors.encoders.spec import Encoders
 
 EPOCH = 1_000 * NANOS
 STILL = (0.0, 0.0, 0.0)

@@ -17,9 +17,9 @@ from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
 from groundlink.messages.imagery import Image
 from groundlink.ros.cdr import to_cdr
 from groundlink.ros.message_sizes import NeverFits, body_bytes, cut, fitting_block_deg
-from groundlink.scenario.depth_cameras import ColorStream, DepthCamera
 from groundlink.scenario.ros_side import GatewaySettings
-from groundlink.scenario.sensors import Lidar
+from services.sensors.depth_camera.spec import ColorStream, DepthCamera
+from services.sensors.lidar.spec import Lidar
 from udp_bridge.wire.fragments import TooLarge, plan
 from udp_bridge.wire.message import Message
 

@@ -8,7 +8,7 @@ from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.ros.streams import outgoing
-from groundlink.scenario.sensors import Repair, RepairBy
+from groundlink.scenario.every_sensor import Repair, RepairBy
 from services.gateway.streams import queue_limits, repair_table
 from udp_bridge.sender.repair import Fec, Mode, Resend
 

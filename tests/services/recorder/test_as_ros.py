@@ -25,8 +25,9 @@ from groundlink.ros.types import STORE
 from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import TfTree
 from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.sensors import Encoders, WheelOdometry
 from services.recorder.recorder import Recorder
+from services.sensors.encoders.spec import Encoders
+from services.sensors.wheel_odometry.spec import WheelOdometry
 from tests.services.gateway.test_gateway import RUN, Bench
 
 EPOCH = 1_700_000_000 * NANOS

@@ -27,31 +27,24 @@ from groundlink.messages.base import (
 from groundlink.messages.imagery import CompressedImage
 from groundlink.messages.missing_readings import MissingReadings
 from groundlink.messages.reading_schedule import ReadingSchedule
-from groundlink.scenario.every_sensor import SensorSpec
-from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise, low_pass_ticks
+from groundlink.scenario.every_sensor import Mount, SensorSpec
 from groundlink.scenario.lenses import Imager
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensor_kinds import sensor_kinds
-from groundlink.scenario.sensors import (
-    Camera,
-    DepthCamera,
-    Encoders,
-    Gnss,
-    InertialUnit,
-    Lidar,
-    Lidar2d,
-    Mount,
-    PositionNoise,
-    StereoCamera,
-    WheelOdometry,
-)
+from services.sensors.camera.spec import Camera
 from services.sensors.depth_camera.eyes import RayEye
 from services.sensors.depth_camera.model import DepthCameraModel
+from services.sensors.depth_camera.spec import DepthCamera
 from services.sensors.encoders.model import EncodersModel
+from services.sensors.encoders.spec import Encoders
 from services.sensors.gnss.model import GnssModel
+from services.sensors.gnss.spec import Gnss, PositionNoise
 from services.sensors.imu.model import ImuModel
+from services.sensors.imu.spec import GyroscopeNoise, InertialNoise, InertialUnit, low_pass_ticks
 from services.sensors.lidar.model import LidarModel
+from services.sensors.lidar.spec import Lidar
 from services.sensors.lidar_2d.model import Lidar2dModel
+from services.sensors.lidar_2d.spec import Lidar2d
 from services.sensors.range.model import RangeModel
 from services.sensors.range.spec import RangeFinder
 from services.sensors.runtime.model import (
@@ -65,7 +58,9 @@ from services.sensors.runtime.model import (
 from services.sensors.runtime.picture_times import PictureModel
 from services.sensors.runtime.reading_ledger import ReadingLedger
 from services.sensors.runtime.runner import SensorProcess
+from services.sensors.stereo_camera.spec import StereoCamera
 from services.sensors.wheel_odometry.model import WheelOdometryModel
+from services.sensors.wheel_odometry.spec import WheelOdometry
 
 from .states import EPOCH_NANOS, WHEELS
 from .yards import box, moving, yard

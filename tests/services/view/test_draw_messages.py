@@ -39,8 +39,8 @@ from groundlink.ros.cdr import to_cdr
 from groundlink.ros.streams import RosStream
 from groundlink.ros.types import STORE, TYPES, header, pose
 from groundlink.scenario import Scenario
-from groundlink.scenario.sensors import Lidar2d
 from groundlink.scene.change import with_more
+from services.sensors.lidar_2d.spec import Lidar2d
 from services.view.draw_messages import FORMS
 from services.view.drawing import MOST_POINTS, Trail
 from services.view.rerun_view import RerunView

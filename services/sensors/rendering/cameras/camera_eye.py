@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from groundlink.scenario.cameras import Optics
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import Optics
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rendering.gl.target import COLOR_ALONE, Frame, Layer
 from services.sensors.rendering.optics.distortion import lens_pinhole, slopes

@@ -10,8 +10,8 @@ from collections.abc import Collection
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.frames import Floats, transform
 from groundlink.messages.base import State
+from groundlink.scenario.cameras import Optics
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import Optics
 from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.gl.target import Frame, Layer

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
-from groundlink.scenario.sensors import Optics
+from groundlink.scenario.cameras import Optics
 
 NEAR_M = 0.02
 """Near plane in meters. A 24-bit depth buffer then resolves 3 mm at 30 m."""

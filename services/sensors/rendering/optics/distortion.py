@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats
 from groundlink.scenario import lenses
-from groundlink.scenario.sensors import Optics
+from groundlink.scenario.cameras import Optics
 from services.sensors.rendering.gl.pinhole import Pinhole
 
 MAX_FIELD_DEG = 150.0

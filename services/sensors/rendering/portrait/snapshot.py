@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
 from groundlink.messages.base import BusMessage, State
+from groundlink.scenario.cameras import Optics
 from groundlink.scenario.schema import Scenario, Vehicle
-from groundlink.scenario.sensors import Camera, Optics, StereoCamera
 from services.sensors.rendering.cameras.camera_eye import CameraEye
 from services.sensors.rendering.gl.target import ALL_LAYERS, Frame
 from services.sensors.rendering.look.labels import NONE, Labels
@@ -34,8 +34,9 @@ class Snapshot:
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Optics, at_nanos: int) -> None:
-        encoding = spec.encoding if isinstance(spec, Camera | StereoCamera) else "rgb8"
-        self._camera = CameraEye(scenario, vehicle, spec, encoding=encoding, layers=ALL_LAYERS)
+        self._camera = CameraEye(
+            scenario, vehicle, spec, encoding=spec.color_encoding, layers=ALL_LAYERS
+        )
         self._at_nanos = at_nanos
         self._tick = -1
         self.frame: Frame | None = None

@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from groundlink.messages.base import State
 from groundlink.scenario.schema import Placement
-from groundlink.scenario.sensors import InertialUnit
 from groundlink.scene.spawn_pose import spawn_pose
 from groundlink.world.solids import Material
 from groundlink.world.terrain import Terrain, load_ground
 from services.physics.simulation.simulation import Simulation, settled
 from services.sensors.imu.model import ImuModel
+from services.sensors.imu.spec import InertialUnit
 from tests.services.physics.grounds import FLOOR, NAME, VEHICLES, shipped
 from tests.services.physics.terrains import put, terrain, world
 

@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from groundlink.messages.imagery import CameraInfo
-from groundlink.scenario.sensors import Camera
 from services.sensors.camera.model import CameraModel
+from services.sensors.camera.spec import Camera
 from services.sensors.runtime.model import stream_and_message
 from tests.services.sensors.sheets import from_sheet
 from tests.services.sensors.yards import box, resting, yard

@@ -13,10 +13,11 @@ from groundlink.messages.base import BadBusMessage, BusMessage, State
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
 from groundlink.ros.message_sizes import body_bytes
 from groundlink.ros.streams import outgoing, static_transforms
+from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.lenses import Imager, Lens
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Camera, Mount
 from services.sensors.camera.model import CameraModel
+from services.sensors.camera.spec import Camera
 from services.sensors.rendering.cameras.eye import Eye
 from services.sensors.rendering.cameras.messages import jpeg
 from services.sensors.rendering.gl.target import ALL_LAYERS

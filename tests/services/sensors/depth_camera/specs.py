@@ -3,9 +3,9 @@
 
 from typing import Any
 
-from groundlink.scenario.depth_cameras import DepthCamera
+from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Mount
+from services.sensors.depth_camera.spec import DepthCamera
 from tests.services.sensors.yards import box, yard
 
 MOUNT = Mount((0.2, 0.0, 1.0), (0.0, 0.0, 0.0))

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from groundlink.scenario.depth_cameras import DepthCamera, StereoCamera
-from groundlink.scenario.sensors import Optics
+from groundlink.scenario.cameras import Optics
 from services.sensors.depth_camera.model import measured
+from services.sensors.depth_camera.spec import DepthCamera
 from services.sensors.rendering.gl.pinhole import Pinhole
+from services.sensors.stereo_camera.spec import StereoCamera
 from tests.services.sensors.sheets import from_sheet
 
 SHEETS: dict[str, tuple[type[Optics], float, float]] = {

@@ -7,12 +7,12 @@ import pytest
 
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.messages.imagery import CameraInfo, Image
-from groundlink.scenario.depth_cameras import ColorStream
 from groundlink.scenario.lenses import Imager, Lens
-from groundlink.scenario.sensors import Camera
 from services.sensors.camera.model import CameraModel
+from services.sensors.camera.spec import Camera
 from services.sensors.depth_camera.eyes import DrawnEye, RayEye, depth_eye
 from services.sensors.depth_camera.model import DepthCameraModel
+from services.sensors.depth_camera.spec import ColorStream
 from services.sensors.runtime.model import stream_and_message
 from tests.services.sensors.rendering.opengl import _opengl as _opengl
 from tests.services.sensors.yards import moving

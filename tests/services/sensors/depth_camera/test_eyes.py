@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from groundlink.scenario.depth_cameras import ColorStream
 from services.sensors.depth_camera import eyes
 from services.sensors.depth_camera.eyes import RayEye, depth_eye
+from services.sensors.depth_camera.spec import ColorStream
 from services.sensors.rendering.gl.context import RenderingUnavailableError
 from tests.services.sensors.yards import moving
 

@@ -13,9 +13,9 @@ from groundlink.messages.base import BadBusMessage, BusMessage, PointCloud, Stat
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
 from groundlink.ros.message_sizes import body_bytes
 from groundlink.ros.streams import outgoing
-from groundlink.scenario.depth_cameras import ColorStream
 from services.sensors.depth_camera.eyes import RayEye
 from services.sensors.depth_camera.model import DepthCameraModel
+from services.sensors.depth_camera.spec import ColorStream
 from services.sensors.rendering.cameras.eye import Eye
 from services.sensors.rendering.cameras.messages import jpeg
 from services.sensors.runtime.model import LeftOut, stream_and_message

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from groundlink.messages import base as messages
 from groundlink.messages.base import State, encode
-from groundlink.scenario import sensors
 from services.sensors.encoders.model import EncodersModel
+from services.sensors.encoders.spec import Encoders
 from services.sensors.runtime.wheel_counters import wrapped
 from tests.services.sensors.encoders.test_model import RESOLUTION, counts, readings, turned
 from tests.services.sensors.states import WHEELS, scenario
@@ -24,7 +24,7 @@ TURN = 2 * np.pi
 def encoders(*, seed: int = 1, name: str = "wheels", **fields: Any) -> EncodersModel:
     run = scenario(seed=seed)
     given = {"rate_hz": 400} | fields
-    spec = sensors.Encoders(name=name, topic="/wheels", frame="base_link", **given)
+    spec = Encoders(name=name, topic="/wheels", frame="base_link", **given)
     return EncodersModel(run, run.vehicles[0], spec)
 
 
@@ -133,7 +133,7 @@ def test_resets_out_of_order_are_refused() -> None:
     with pytest.raises(msgspec.ValidationError, match="`resets_s` is out of order"):
         msgspec.convert(
             {"name": "w", "topic": "/w", "frame": "base_link", "resets_s": [2.0, 1.0]},
-            sensors.Encoders,
+            Encoders,
         )
 
 

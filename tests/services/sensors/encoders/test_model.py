@@ -13,9 +13,9 @@ from groundlink.loader.explain import convert
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages import base as messages
 from groundlink.messages.base import BadBusMessage, State, encode
-from groundlink.scenario import sensors
 from groundlink.scenario.vehicle import VehicleModel
 from services.sensors.encoders.model import EncodersModel
+from services.sensors.encoders.spec import Encoders
 from services.sensors.runtime.model import SensorModel
 from tests.services.sensors.states import EPOCH_NANOS, WHEELS, scenario, states
 
@@ -25,7 +25,7 @@ RESOLUTION = 2 * math.pi / TICKS_PER_REVOLUTION
 
 def encoders(*, frame_prefix: str = "", rate_hz: float = 400) -> EncodersModel:
     run = scenario(frame_prefix=frame_prefix)
-    spec = sensors.Encoders(
+    spec = Encoders(
         name="wheels",
         topic="/wheels",
         frame="base_link",
@@ -133,7 +133,7 @@ def test_a_track_is_counted_by_its_sprocket() -> None:
     run = scenario()
     model = convert(read(SHIPPED / "vehicles" / "tank.yaml"), VehicleModel)
     tank = replace(run.vehicles[0], model=model)
-    spec = sensors.Encoders(name="encoders", topic="/e", frame="base_link", rate_hz=400)
+    spec = Encoders(name="encoders", topic="/e", frame="base_link", rate_hz=400)
     sprocket_m = model.counted[0].radius_m
     way_m = 2 * math.pi * sprocket_m
     angles = [

@@ -10,7 +10,6 @@ from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import BusMessage, Imu, PointCloud, State, WheelEncoders
 from groundlink.messages.imagery import CameraInfo, CompressedImage
 from groundlink.messages.reading_schedule import Events
-from groundlink.scenario import sensors
 from groundlink.scenario.faults import (
     Bias,
     Delay,
@@ -24,8 +23,10 @@ from groundlink.scenario.faults import (
     TimeJump,
 )
 from services.sensors.encoders.model import EncodersModel
+from services.sensors.encoders.spec import Encoders
 from services.sensors.faults.fault_wrapper import FaultWrapper
 from services.sensors.imu.model import ImuModel
+from services.sensors.imu.spec import InertialUnit
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.runtime.model import (
     LeftOut,
@@ -74,13 +75,13 @@ STATES = run()
 
 def imu() -> tuple[SensorModel, type[BusMessage]]:
     made = scenario()
-    spec = sensors.InertialUnit(name="imu", topic="/imu", frame="imu", rate_hz=130.0)
+    spec = InertialUnit(name="imu", topic="/imu", frame="imu", rate_hz=130.0)
     return ImuModel(made, made.vehicles[0], spec), Imu
 
 
 def encoders() -> tuple[SensorModel, type[BusMessage]]:
     made = scenario()
-    spec = sensors.Encoders(
+    spec = Encoders(
         *("encoders", "/wheels", "base"), missed_ticks=0.2, resets_s=(1.0,), rate_hz=60.0
     )
     return EncodersModel(made, made.vehicles[0], spec), WheelEncoders

@@ -7,9 +7,9 @@ from msgspec.structs import replace
 
 from groundlink.episode.fault_messages import CLEAR, FaultAnswer, Faults
 from groundlink.messages.base import BusMessage, Imu
-from groundlink.scenario import sensors
 from groundlink.scenario.faults import Bias, Fault, NoiseBurst, Off, RateChange, Stuck
 from services.sensors.faults.live import LiveFaults
+from services.sensors.imu.spec import InertialUnit
 from tests.services.sensors.broken import EPOCH_NANOS, READINGS, Line, Repeats, states, wrapped
 from tests.services.sensors.states import scenario
 
@@ -26,7 +26,7 @@ class Bench:
             process,
             self.model,
             vehicle=scenario().vehicles[0],
-            spec=sensors.InertialUnit(name="imu", topic="/imu", frame="imu", rate_hz=100.0),
+            spec=InertialUnit(name="imu", topic="/imu", frame="imu", rate_hz=100.0),
             report=self.told.append,
             acknowledge=process.report_progress,
         )

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.scenario.sensors import Gnss
 from services.sensors.gnss.model import GnssErrors
+from services.sensors.gnss.spec import Gnss
 from services.sensors.noise.random_streams import RandomStreams
 from tests.services.sensors.sheets import from_sheet
 

@@ -12,11 +12,12 @@ from scipy import stats
 from groundlink.core.errors import UserError
 from groundlink.messages.base import BadBusMessage, State, floats
 from groundlink.messages.navigation import NavSatFix
+from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Gnss, Mount, PositionNoise
 from services.sensors.gnss.geodesy import Geodetic, TangentPlane, ecef_from_geodetic
 from services.sensors.gnss.model import GnssErrors, GnssModel
 from services.sensors.gnss.reception import inside
+from services.sensors.gnss.spec import Gnss, PositionNoise
 from services.sensors.noise.random_streams import RandomStreams
 from tests.services.sensors.states import EPOCH_NANOS, scenario
 from tests.services.sensors.yards import DATUM, box, moving, resting, yard

@@ -4,8 +4,7 @@ import math
 import pytest
 
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
-from groundlink.scenario.sensors import InertialUnit
+from services.sensors.imu.spec import GyroscopeNoise, InertialNoise, InertialUnit
 from tests.services.sensors.sheets import from_sheet
 
 SHEETS = sorted((SHIPPED / "sensors").glob("imu_*.yaml"))

@@ -10,10 +10,9 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
 from groundlink.messages.base import encode
-from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
-from groundlink.scenario.sensors import InertialUnit
 from services.sensors.imu import errors
 from services.sensors.imu.errors import ImuErrors
+from services.sensors.imu.spec import GyroscopeNoise, InertialNoise, InertialUnit
 from services.sensors.noise.random_streams import RandomStreams
 from tests.services.sensors.allan import Floats, allan_deviation
 from tests.services.sensors.imu.test_datasheets import SHEETS

@@ -12,10 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from groundlink.messages import base as messages
 from groundlink.messages.base import BadBusMessage, State
-from groundlink.scenario import sensors
-from groundlink.scenario.inertial import GyroscopeNoise, InertialNoise
-from groundlink.scenario.sensors import Mount
+from groundlink.scenario.every_sensor import Mount
 from services.sensors.imu.model import ImuModel
+from services.sensors.imu.spec import GyroscopeNoise, InertialNoise, InertialUnit
 from services.sensors.runtime.model import SensorModel
 from tests.services.sensors.states import EPOCH_NANOS, scenario, states
 
@@ -25,7 +24,7 @@ GRAVITY = 9.80665
 
 def imu(*, seed: int = 1, name: str = "imu", frame_prefix: str = "", **fields: Any) -> ImuModel:
     run = scenario(seed=seed, frame_prefix=frame_prefix)
-    spec = sensors.InertialUnit(name=name, topic="/imu", frame="imu_link", **fields)
+    spec = InertialUnit(name=name, topic="/imu", frame="imu_link", **fields)
     return ImuModel(run, run.vehicles[0], spec)
 
 

@@ -12,8 +12,8 @@ from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
 from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy
 from groundlink.messages.base import PointCloud, State, VehicleState, packed
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Lidar
 from services.sensors.lidar.model import LidarModel
+from services.sensors.lidar.spec import Lidar
 from services.sensors.scanning.scanner import Scan
 
 EPOCH_NANOS = 1_700_000_000_000_000_000

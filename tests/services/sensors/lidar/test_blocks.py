@@ -15,8 +15,8 @@ from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import PointCloud, State, VehicleState, packed
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Lidar
 from services.sensors.lidar.model import LidarModel
+from services.sensors.lidar.spec import Lidar
 from services.sensors.scanning.scanner import FiringBlocks
 from services.sensors.scanning.sweep import Sweep
 

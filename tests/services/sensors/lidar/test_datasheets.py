@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from groundlink.scenario.sensors import Lidar
+from services.sensors.lidar.spec import Lidar
 from services.sensors.scanning.sweep import Sweep
 from tests.services.sensors.sheets import from_sheet
 

@@ -14,7 +14,7 @@ from groundlink.core.errors import UserError
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import PointCloud
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Lidar
+from services.sensors.lidar.spec import Lidar
 from services.sensors.lidar.vlp16 import LASER_OF_RING, Vlp16
 
 from . import rooms

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from groundlink.core.frames import matrix_from_quaternion, quaternion_from_rpy
 from groundlink.messages.imagery import LaserScan
+from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Lidar2d, Mount
 from services.sensors.lidar_2d.model import Lidar2dModel
+from services.sensors.lidar_2d.spec import Lidar2d
 from tests.services.sensors.lidar import rooms
 
 MOUNT = Mount((0.1, 0.05, 0.5), (2.0, -3.0, 20.0))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from msgspec.structs import asdict
 
-from groundlink.scenario.sensors import Lidar2d
+from services.sensors.lidar_2d.spec import Lidar2d
 from tests.services.sensors.lidar import rooms
 from tests.services.sensors.sheets import from_sheet
 

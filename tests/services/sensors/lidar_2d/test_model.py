@@ -13,7 +13,7 @@ from groundlink.ros.cdr import to_cdr
 from groundlink.ros.message_sizes import body_bytes, fitting_block_deg
 from groundlink.ros.types import STORE
 from groundlink.scenario.ros_side import GatewaySettings
-from groundlink.scenario.sensors import Lidar2d
+from services.sensors.lidar_2d.spec import Lidar2d
 from tests.services.sensors.lidar import rooms
 
 from . import planes

@@ -4,7 +4,7 @@ import math
 import pytest
 from msgspec.structs import replace
 
-from groundlink.scenario.sensors import Mount
+from groundlink.scenario.every_sensor import Mount
 from services.sensors.range.model import RangeModel
 from services.sensors.range.spec import RangeFinder
 from tests.services.sensors.sheets import from_sheet

@@ -11,8 +11,8 @@ from scipy import stats
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.messages.base import State
 from groundlink.messages.imagery import Range
+from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Mount
 from services.sensors.range.model import RangeModel, cone
 from services.sensors.range.spec import RangeFinder
 from tests.services.sensors.states import EPOCH_NANOS

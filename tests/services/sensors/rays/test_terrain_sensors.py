@@ -5,8 +5,8 @@ import msgspec
 import numpy as np
 import pytest
 
+from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Mount
 from groundlink.scene.bodies import NO_BODY, body_names
 from groundlink.scene.build import solids
 from groundlink.world import assets

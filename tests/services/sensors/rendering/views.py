@@ -9,8 +9,8 @@ import numpy as np
 from groundlink.core.frames import Floats, multiply, quaternion_from_rpy, transform
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
+from groundlink.scenario.every_sensor import MOUNT_FROM_OPTICAL
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import MOUNT_FROM_OPTICAL
 from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.runtime.world_replica import WorldReplica

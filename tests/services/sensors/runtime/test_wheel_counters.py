@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.scenario import sensors
+from services.sensors.encoders.spec import Encoders
 from services.sensors.runtime.wheel_counters import WheelCounters
 from tests.services.sensors.states import WHEELS, scenario, states
 
 LEFT, RIGHT = WHEELS
 PER_RADIAN = 1e5
-ENCODERS = sensors.Encoders(
+ENCODERS = Encoders(
     name="wheels",
     topic="/wheels",
     frame="base_link",

@@ -12,9 +12,9 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Lidar
 from groundlink.world.solids import Box, Material, Solid
 from groundlink.world.weather import Weather
+from services.sensors.lidar.spec import Lidar
 from services.sensors.scanning.returns import Returns
 from services.sensors.scanning.scanner import Scanner
 from tests.services.sensors.lidar import rooms

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import integrate, optimize, stats
 
-from groundlink.scenario.sensors import Lidar
 from groundlink.world.weather import Dust, Weather
+from services.sensors.lidar.spec import Lidar
 from services.sensors.scanning.returns import Returns
 from services.sensors.scanning.weather import Atmosphere
 from tests.services.sensors.lidar import rooms

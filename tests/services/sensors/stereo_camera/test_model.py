@@ -12,14 +12,15 @@ from groundlink.messages.base import BusMessage, State, packed
 from groundlink.messages.imagery import Image
 from groundlink.ros.message_sizes import body_bytes
 from groundlink.ros.streams import outgoing
-from groundlink.scenario.depth_cameras import StereoCamera
+from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.lenses import Imager, Lens
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Camera, Mount
 from services.sensors.camera.model import CameraModel
+from services.sensors.camera.spec import Camera
 from services.sensors.rendering.cameras.eye import Eye
 from services.sensors.runtime.model import stream_and_message
 from services.sensors.stereo_camera.model import StereoCameraModel
+from services.sensors.stereo_camera.spec import StereoCamera
 from tests.services.sensors.rendering.views import laboratory
 from tests.services.sensors.states import EPOCH_NANOS
 from tests.services.sensors.yards import box, resting, yard

@@ -23,23 +23,24 @@ from groundlink.messages.base import (
     floats,
 )
 from groundlink.messages.navigation import Odometry
-from groundlink.scenario import Scenario, sensors
+from groundlink.scenario import Scenario
 from groundlink.scenario.running_gear import Differential
 from groundlink.scenario.schema import Vehicle
 from groundlink.scene.build import solids
 from services.physics.simulation.simulation import Simulation
+from services.sensors.encoders.spec import Encoders
 from services.sensors.imu.model import ImuModel
+from services.sensors.imu.spec import InertialUnit
 from services.sensors.wheel_odometry.model import UNKNOWN, WheelOdometryModel
+from services.sensors.wheel_odometry.spec import WheelOdometry
 from tests.services.sensors.states import EPOCH_NANOS, WHEELS, scenario, states
 
 RADIUS_M, TRACK_M = 0.1, 0.5
-ENCODERS = sensors.Encoders(name="wheels", topic="/wheels", frame="base_link")
+ENCODERS = Encoders(name="wheels", topic="/wheels", frame="base_link")
 KNOWN = (0, 1, 5)
 
 
-def cart(
-    *given: sensors.Encoders, seed: int = 1, frame_prefix: str = ""
-) -> tuple[Scenario, Vehicle]:
+def cart(*given: Encoders, seed: int = 1, frame_prefix: str = "") -> tuple[Scenario, Vehicle]:
     run = scenario(seed=seed, frame_prefix=frame_prefix)
     vehicle = run.vehicles[0]
     wheels = tuple(
@@ -51,11 +52,11 @@ def cart(
 
 
 def odometry(
-    *given: sensors.Encoders, seed: int = 1, frame_prefix: str = "", **fields: Any
+    *given: Encoders, seed: int = 1, frame_prefix: str = "", **fields: Any
 ) -> WheelOdometryModel:
     run, vehicle = cart(*given, seed=seed, frame_prefix=frame_prefix)
     told = {"encoders": "wheels", "rate_hz": 50.0} | fields
-    spec = sensors.WheelOdometry(name="odom", topic="/odom", frame="odom", **told)
+    spec = WheelOdometry(name="odom", topic="/odom", frame="odom", **told)
     return WheelOdometryModel(run, vehicle, spec)
 
 
@@ -114,7 +115,7 @@ def test_a_base_ahead_of_its_axle_is_carried_round_it() -> None:
     )
     drive = Differential(max_wheel_torque_nm=1.0, max_wheel_speed_radps=100.0)
     placed = replace(vehicle, model=replace(vehicle.model, wheels=wheels, drive=drive))
-    spec = sensors.WheelOdometry(name="odom", topic="/odom", frame="odom", encoders="wheels")
+    spec = WheelOdometry(name="odom", topic="/odom", frame="odom", encoders="wheels")
     model = WheelOdometryModel(run, placed, spec)
     last = readings(model, rolled(-turned * TRACK_M / 2, turned * TRACK_M / 2))[-1]
     assert yaw(last) == pytest.approx(1.6, abs=2e-3)
@@ -182,7 +183,7 @@ def test_missed_ticks_shorten_the_way_and_are_those_of_the_encoders() -> None:
         replace(ENCODERS, ticks_per_revolution=1024, quadrature=4),
     ],
 )
-def test_signs_wraps_and_gears_change_nothing(encoders: sensors.Encoders) -> None:
+def test_signs_wraps_and_gears_change_nothing(encoders: Encoders) -> None:
     left, right = np.linspace(0, 1, 401), np.linspace(0, 0.8, 401)
     expected = readings(odometry(), rolled(left, right))
     taken = readings(odometry(encoders), rolled(left, right))
@@ -257,15 +258,11 @@ def headings(poses: list[NDArray[np.float64]]) -> NDArray[np.float64]:
 
 def drive(speed_mps: float, turn_radps: float, seconds: float, **told: Any) -> Driven:
     run = ROVER
-    encoders = next(s for s in run.vehicles[0].sensors if isinstance(s, sensors.Encoders))
+    encoders = next(s for s in run.vehicles[0].sensors if isinstance(s, Encoders))
     vehicle = replace(run.vehicles[0], sensors=(encoders,))
-    spec = sensors.WheelOdometry(
-        name="odom", topic="/odom", frame="odom", encoders=encoders.name, **told
-    )
+    spec = WheelOdometry(name="odom", topic="/odom", frame="odom", encoders=encoders.name, **told)
     model = WheelOdometryModel(run, vehicle, spec)
-    imu = ImuModel(
-        run, vehicle, sensors.InertialUnit(name="imu", topic="/imu", frame="i", rate_hz=100)
-    )
+    imu = ImuModel(run, vehicle, InertialUnit(name="imu", topic="/imu", frame="i", rate_hz=100))
     taken, felt, poses, speeds = [], [], [], []
     for state, truth in rolling(replace(run, vehicles=(vehicle,)), speed_mps, turn_radps, seconds):
         poses.append(truth.poses()[0])
@@ -320,7 +317,7 @@ def test_a_driven_circle_gives_speed_times_rate_in_lateral_acceleration() -> Non
     assert np.mean(lateral) == pytest.approx(driven.speed_mps * rate, rel=0.01)
 
 
-WORN = sensors.Encoders(
+WORN = Encoders(
     name="wheels",
     topic="/wheels",
     frame="base_link",
@@ -334,7 +331,7 @@ WORN = sensors.Encoders(
 def test_its_covariance_is_the_spread_of_its_errors_within_a_factor_of_two() -> None:
     """Over drives, in each of which physics skids differently, and seeds, by which wheels err."""
     vehicle = replace(ROVER.vehicles[0], sensors=(WORN,))
-    spec = sensors.WheelOdometry(name="odom", topic="/odom", frame="odom", encoders="wheels")
+    spec = WheelOdometry(name="odom", topic="/odom", frame="odom", encoders="wheels")
     ratios, errors = [], []
     for drive in ((0.8, 0.0), (0.8, 0.3), (0.4, 0.5), (0.3, 0.5), (-0.5, -0.2)):
         run = list(rolling(replace(ROVER, vehicles=(vehicle,)), *drive, 6.0))

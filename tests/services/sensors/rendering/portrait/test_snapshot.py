@@ -12,17 +12,20 @@ from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
 from groundlink.messages.imagery import Image
-from groundlink.scenario.depth_cameras import ColorStream
+from groundlink.scenario.cameras import Optics
+from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.lenses import Imager, Lens
 from groundlink.scenario.schema import Scenario
-from groundlink.scenario.sensors import Camera, DepthCamera, Mount, Optics, StereoCamera
 from services.sensors.camera.model import CameraModel
+from services.sensors.camera.spec import Camera
 from services.sensors.depth_camera.model import DepthCameraModel
+from services.sensors.depth_camera.spec import ColorStream, DepthCamera
 from services.sensors.rendering.gl.target import ALL_LAYERS, Frame
 from services.sensors.rendering.look.labels import Labels
 from services.sensors.rendering.portrait.snapshot import Snapshot, colors, write
 from services.sensors.runtime.model import SensorModel, stream_and_message
 from services.sensors.stereo_camera.model import StereoCameraModel
+from services.sensors.stereo_camera.spec import StereoCamera
 from tests.services.sensors.rendering import views
 from tests.services.sensors.states import EPOCH_NANOS
 from tests.services.sensors.yards import box, moving, yard

@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Errors of the axes of an accelerometer or a gyroscope, in the quantities of data sheets.
+"""Specification of an inertial measurement unit in a scenario.
 
-A field at its default of zero means no error. Quantities are in the unit of the measured quantity
-(m/s^2, rad/s). `services.sensors.imu.errors` computes the errors.
+The errors are in the quantities of data sheets, in the unit of the measured quantity (m/s^2,
+rad/s); `errors` computes them. A field at its default of zero means no error.
 """
 
 import math
-from typing import Annotated
+from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
-from groundlink.core.clock import TICK_SECONDS
+from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
 from groundlink.core.fields import NonNegative, Spec
+from groundlink.messages.base import Imu
+from groundlink.messages.reading_schedule import Events, ReadingSchedule
+from groundlink.scenario.every_sensor import Carrier, Rate, SensorSpec
+from groundlink.scenario.faults import Quantity
 
 LOW_PASS_TAIL = 1e-9
 """Remaining share of a step response below which a low pass counts as settled."""
@@ -84,3 +88,34 @@ class GyroscopeNoise(InertialNoise, frozen=True):
     g_sensitivity: NonNegative = 0.0
     """1 sigma of the rate error of an axis for each m/s^2 along x, y and z, in rad/s per m/s^2,
     drawn once per run."""
+
+
+class InertialUnit(SensorSpec, frozen=True, tag="imu"):
+    """Accelerometer, gyroscope and orientation filter in one housing."""
+
+    quantities: ClassVar = {
+        "acceleration": Quantity("m/s^2", ("x", "y", "z"), "linear_acceleration_mps2"),
+        "angular_velocity": Quantity("rad/s", ("x", "y", "z"), "angular_velocity_radps"),
+    }
+    rate_hz: Rate = 400.0
+    accelerometer: InertialNoise = InertialNoise()
+    """Errors of the accelerometer, in m/s^2."""
+
+    gyroscope: GyroscopeNoise = GyroscopeNoise()
+    """Errors of the gyroscope, in rad/s."""
+
+    orientation_stddev_deg: NonNegative = 0.0
+    noise_source: Literal["marsaglia", "numpy"] = "marsaglia"
+    """Generator of normally distributed numbers: Marsaglia's polar method as in the paper, or
+    numpy's ziggurat."""
+
+    def schedule(self) -> ReadingSchedule:
+        """Return the schedule of samples; it begins after the low passes have settled."""
+        ticks = max(triad.low_pass_ticks for triad in (self.accelerometer, self.gyroscope))
+        filled = Events(self.rate_hz).at_or_after(TICK_NANOS * ticks)
+        return Events(self.rate_hz, filled + 1)
+
+    def largest_message(self, carrier: Carrier) -> Imu:
+        """Return a sample; all have the same size."""
+        frame, still = carrier.frame_prefix + self.frame, (0.0, 0.0, 0.0)
+        return Imu(0, frame, (0.0, 0.0, 0.0, 1.0), still, still, 0.0, 0.0, 0.0)

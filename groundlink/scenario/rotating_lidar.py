@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenario fields of LiDARs; the defaults describe an ideal device.
+"""Scenario fields of all LiDARs with a turning head; the defaults describe an ideal device.
 
 Consistency between fields is checked here, so that the loader reports a mistake with file and line
 before any process starts.
@@ -9,16 +9,13 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
 
-import numpy as np
 from msgspec import Meta
 
 from groundlink.core.clock import exact
 from groundlink.core.fields import Fraction01, NonNegative, Positive
-from groundlink.messages.base import POINT, PointCloud, packed
-from groundlink.messages.imagery import LaserScan
 from groundlink.messages.reading_schedule import Blocks, ReadingSchedule
 
-from .every_sensor import Address, Carrier, Rate, SensorSpec
+from .every_sensor import Rate, SensorSpec
 from .faults import Quantity
 
 
@@ -208,51 +205,3 @@ LIGHT_MPS = 299_792_458.0
 
 _PER_LASER = ("azimuth_offsets_deg", "laser_stddevs_m", "laser_times_us", "vertical_offsets_m")
 """Fields with one value for each laser, or empty."""
-
-
-class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
-    """A spinning 3D LiDAR."""
-
-    elevations_deg: tuple[float, ...]
-    """Elevation of each laser, from the lowest (ring 0) to the highest."""
-
-    native: Address | None = None
-    """Address for the native data packets of a VLP-16, sent in addition. Position packets go to
-    port 8308 of the same host."""
-
-    truth: bool = False
-    """Publish the true position and the body of each point of a cloud on `<topic>/truth`."""
-
-    @property
-    def truth_topic(self) -> str | None:
-        """ROS topic of the ground truth behind the clouds; None if it is not published."""
-        return f"{self.topic}/truth" if self.truth else None
-
-    def largest_message(self, carrier: Carrier) -> PointCloud:
-        """Return a block in which every shot has all its returns."""
-        most = self.largest_block_firings * len(self.elevations_deg) * self.returns_per_ray
-        points = packed(np.empty(most, POINT).view(np.uint8))
-        return PointCloud(0, carrier.frame_prefix + self.frame, points)
-
-    def ros_topics(self) -> dict[str, str]:
-        """Return the ROS topics of the clouds and, if published, of their ground truth."""
-        return {"": self.topic} | ({"truth": self.truth_topic} if self.truth_topic else {})
-
-
-class Lidar2d(RotatingLidar, frozen=True, tag="lidar_2d", kw_only=True):
-    """A planar scanner: one rotating laser."""
-
-    def _problems(self) -> Iterator[str]:
-        yield from super()._problems()
-        if self.elevations_deg != (0.0,):
-            yield "`elevations_deg` is for LiDARs of kind `lidar`; leave it out"
-        if self.azimuth_resolution_deg:
-            yield "`azimuth_resolution_deg` is for LiDARs of kind `lidar`; leave it out"
-        if self.returns == "dual":
-            yield "`returns` is `dual`, but a scan holds one range a ray; choose one of them"
-
-    def largest_message(self, carrier: Carrier) -> LaserScan:
-        """Return a block; it holds a range for each ray, with or without a return."""
-        rays = packed(np.empty(self.largest_block_firings, np.float32))
-        frame = carrier.frame_prefix + self.frame
-        return LaserScan(0, frame, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, rays, rays)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenario fields of depth cameras and stereo pairs; the defaults describe ideal devices."""
+"""Specification of a depth camera in a scenario. The defaults are those of an ideal one."""
 
 from typing import Annotated, Literal
 
@@ -8,23 +8,14 @@ from msgspec import Meta
 from groundlink.core.fields import NonNegative, Positive, Spec
 from groundlink.messages.base import POINT, BusMessage, PointCloud
 from groundlink.messages.imagery import Image
-
-from .cameras import Optics, jpeg_bytes, largest_picture
-from .every_sensor import Carrier, RosTopic
+from groundlink.scenario.cameras import JpegQuality, Optics, Publish, info_beside, jpeg_bytes
+from groundlink.scenario.every_sensor import Carrier, RosTopic
 
 LARGEST_16UC1_M = 65.535
 """Largest depth that 16 bits of millimeters can hold, in meters."""
 
 PNG_BYTES_A_PIXEL = 2.1
 """Bytes per pixel of a PNG of random 16-bit values."""
-
-Publish = Literal["compressed", "raw", "both"]
-Quality = Annotated[int, Meta(ge=1, le=100)]
-
-
-def info_beside(topic: str) -> str:
-    """Return the CameraInfo topic that belongs to an image topic, as named by image_transport."""
-    return f"{topic.rpartition('/')[0]}/camera_info"
 
 
 class ColorStream(Spec, frozen=True, kw_only=True):
@@ -34,7 +25,7 @@ class ColorStream(Spec, frozen=True, kw_only=True):
     publish: Publish = "compressed"
     """`compressed`: JPEG under `<topic>/compressed`. `raw`: rgb8 under `topic`. `both`: both."""
 
-    jpeg_quality: Quality = 80
+    jpeg_quality: JpegQuality = 80
 
 
 class DepthCamera(Optics, frozen=True, tag="depth_camera", kw_only=True):
@@ -120,47 +111,3 @@ class DepthCamera(Optics, frozen=True, tag="depth_camera", kw_only=True):
         row = -(-sizes[largest] // self.height)
         data = memoryview(bytes(row * self.height))
         return Image(0, frame, self.height, self.width, self.encoding, row, data)
-
-
-class StereoCamera(Optics, frozen=True, tag="stereo_camera", kw_only=True):
-    """Two rectified cameras side by side that expose at the same time.
-
-    `topic` (such as `/stereo/left/image_raw`), `frame` and the mount are those of the left camera.
-    """
-
-    right_topic: RosTopic
-    baseline_m: Positive
-    """Distance from the left camera to the right one."""
-
-    encoding: Literal["rgb8", "bgr8", "mono8"] = "rgb8"
-    publish: Publish = "raw"
-    """`compressed`: JPEG under `<topic>/compressed`. `raw`: pixels under `topic`. `both`: both. For
-    each of the two cameras."""
-
-    jpeg_quality: Quality = 80
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if info_beside(self.topic) == info_beside(self.right_topic):
-            raise ValueError(
-                "`topic` and `right_topic` share a namespace, and so their CameraInfo; expected "
-                "such as /stereo/left/image_raw and /stereo/right/image_raw"
-            )
-
-    def ros_topics(self) -> dict[str, str]:
-        """Return the topics of both cameras, as stereo_image_proc expects them."""
-        topics = {
-            "camera_info": info_beside(self.topic),
-            "right_camera_info": info_beside(self.right_topic),
-        }
-        if self.publish != "compressed":
-            topics |= {"": self.topic, "right": self.right_topic}
-        if self.publish != "raw":
-            topics["compressed"] = f"{self.topic}/compressed"
-            topics["right_compressed"] = f"{self.right_topic}/compressed"
-        return topics
-
-    def largest_message(self, carrier: Carrier) -> BusMessage:
-        """Return a picture of pure noise of one camera."""
-        frame = carrier.frame_prefix + self.frame
-        return largest_picture(self, frame, self.publish, self.encoding, self.jpeg_quality)
