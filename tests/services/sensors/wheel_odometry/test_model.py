@@ -199,7 +199,7 @@ def test_a_reset_costs_one_step_and_no_more() -> None:
 
 
 def test_counters_that_are_not_there_are_refused() -> None:
-    with pytest.raises(UserError, match="needs `encoders` that names"):
+    with pytest.raises(UserError, match="`encoders`: expected the name of a sensor of kind"):
         odometry(replace(ENCODERS, name="others"))
 
 
