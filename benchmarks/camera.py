@@ -28,7 +28,7 @@ from msgspec.structs import replace
 from groundlink.core.frames import Floats, matrix_from_quaternion, multiply, transform
 from groundlink.loader import load
 from groundlink.scenario import Scenario
-from groundlink.scenario.lenses import Imager, Lens
+from groundlink.scenario.cameras import Imager, Lens
 from groundlink.scenario.schema import Vehicle
 from groundlink.scene.build import solids
 from groundlink.world.solids import Box, Cylinder, Solid, Sphere

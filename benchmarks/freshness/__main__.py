@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from groundlink.emulation import Impairment
+from groundlink.emulation.settings import Impairment
 from udp_bridge.sender.repair import parse_mode
 from udp_bridge.wire.fragments import DatagramSize
 

@@ -14,7 +14,7 @@ import time
 from collections import Counter
 from typing import NamedTuple
 
-from groundlink.emulation import Impairment
+from groundlink.emulation.settings import Impairment
 from udp_bridge import Link, Message
 from udp_bridge.sender.repair import Mode
 from udp_bridge.wire.fragments import DatagramSize

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from groundlink.emulation import Impairment
+from groundlink.emulation.settings import Impairment
 
 from .two_hosts import HOSTS, run
 

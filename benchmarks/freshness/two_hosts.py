@@ -18,7 +18,8 @@ import time
 import traceback
 from collections.abc import Callable
 
-from groundlink.emulation import Impairment, LinkDirection
+from groundlink.emulation.model import LinkDirection
+from groundlink.emulation.settings import Impairment
 
 HOSTS = ("10.77.0.1", "10.77.0.2")
 _NEWUSER, _NEWNET = 0x10000000, 0x40000000

@@ -15,7 +15,7 @@ import zlib
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from groundlink.emulation import Impairment
+from groundlink.emulation.settings import Impairment
 from udp_bridge import Message
 from udp_bridge.sender.repair import Fec, Mode, parse_mode
 from udp_bridge.wire.fec import repair_count

@@ -8,7 +8,8 @@ and its buffer overflows.
 
 from typing import NamedTuple
 
-from groundlink.emulation import Impairment, LinkDirection
+from groundlink.emulation.model import LinkDirection
+from groundlink.emulation.settings import Impairment
 from udp_bridge import Message
 from udp_bridge.receiver.inbox import Inbox
 from udp_bridge.sender.repair import Mode

@@ -4,9 +4,3 @@
 Imported by the scenario, the gateway and the relay. Pure: time is an argument; no sockets, no
 threads.
 """
-
-from .model import LinkDirection
-from .script import LinkEvent, LinkScript, ScriptPlayer, changed
-from .settings import Impairment
-
-__all__ = ["Impairment", "LinkDirection", "LinkEvent", "LinkScript", "ScriptPlayer", "changed"]

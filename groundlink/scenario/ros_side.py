@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 from msgspec import Meta, field
 
 from groundlink.core.fields import Spec
-from groundlink.emulation import LinkScript
+from groundlink.emulation.script import LinkScript
 
 from .every_sensor import Address, Name, Peer, Rate, Repair, RosTopic
 from .sensor_kinds import sensor_kinds

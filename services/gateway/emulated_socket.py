@@ -13,9 +13,9 @@ from collections.abc import Sequence
 import msgspec
 
 from groundlink.core.clock import NANOS
-from groundlink.emulation import Impairment, LinkDirection, LinkScript, ScriptPlayer
-from groundlink.emulation.model import DirectionState
-from groundlink.emulation.script import Changes, parse_changes
+from groundlink.emulation.model import DirectionState, LinkDirection
+from groundlink.emulation.script import Changes, LinkScript, ScriptPlayer, parse_changes
+from groundlink.emulation.settings import Impairment
 from udp_bridge.io.socket_wrappers import SocketWrapper
 from udp_bridge.io.udp_socket import DatagramSocket
 from udp_bridge.io.worker_thread import ErrorCounter, WorkerThread

@@ -13,7 +13,8 @@ from collections.abc import Callable
 
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
-from groundlink.emulation import Impairment, LinkDirection
+from groundlink.emulation.model import LinkDirection
+from groundlink.emulation.settings import Impairment
 
 Address = tuple[str, int]
 

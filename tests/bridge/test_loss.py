@@ -26,7 +26,7 @@ from benchmarks.loss.__main__ import (
     verdict,
 )
 from benchmarks.loss.virtual_link import NANOS, VirtualLink
-from groundlink.emulation import Impairment
+from groundlink.emulation.settings import Impairment
 from udp_bridge.wire.fragments import DatagramSize
 
 SEED = 1

@@ -23,7 +23,7 @@ from benchmarks.freshness.two_hosts import HOSTS, NotAllowed
 from benchmarks.freshness.two_hosts import run as run_on_two_hosts
 from groundlink.bus.control_client import send_command
 from groundlink.core.clock import TICK_NANOS
-from groundlink.emulation import Impairment
+from groundlink.emulation.settings import Impairment
 from groundlink.episode import journal
 from groundlink.episode.control import Pause, Resume
 

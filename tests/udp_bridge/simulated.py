@@ -10,7 +10,7 @@ from typing import Any
 
 from benchmarks.loss import virtual_link
 from benchmarks.loss.virtual_link import VirtualLink
-from groundlink.emulation import Impairment
+from groundlink.emulation.settings import Impairment
 from udp_bridge import Message
 from udp_bridge.sender.send_queue import SendQueue
 

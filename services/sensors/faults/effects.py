@@ -8,7 +8,8 @@ the device, its clock, its output and the transport.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -19,9 +20,42 @@ from groundlink.core.frames import Floats
 from groundlink.messages.base import Reading
 from groundlink.messages.missing_readings import Cause
 from groundlink.scenario import faults as specs
+from services.sensors.noise.random_streams import RandomStreams
 
-from .fault_context import FaultContext
 from .offsets import Offsets, changes_of, cover_of
+
+
+class FaultHistory(NamedTuple):
+    """What faults keep of earlier readings, by the tick at which each fault begins."""
+
+    held: dict[int, Reading]
+    """Readings that a stuck sensor repeats."""
+
+    events: dict[int, int]
+    """Numbers of the last events of a lower rate that had a reading."""
+
+    def of(self, faults: Iterable[specs.Fault]) -> "FaultHistory":
+        """Return a copy for these faults."""
+        ticks = {fault.begin_tick for fault in faults}
+        return FaultHistory(
+            {tick: reading for tick, reading in self.held.items() if tick in ticks},
+            {tick: number for tick, number in self.events.items() if tick in ticks},
+        )
+
+
+@dataclass
+class FaultContext:
+    """What faults can use besides the reading; they add to `late_ticks`."""
+
+    faults: tuple[specs.Fault, ...]
+    """Faults in effect."""
+
+    sim_nanos: int
+    """Instant of the measurement."""
+
+    streams: RandomStreams
+    past: FaultHistory
+    late_ticks: int = 0
 
 
 def _offset(reading: Reading, fault: specs.Disturbance, offsets: Offsets) -> Reading:

@@ -27,8 +27,7 @@ from services.sensors.runtime.model import (
     stream_and_message,
 )
 
-from .effects import Removed, apply_faults
-from .fault_context import FaultContext, FaultHistory
+from .effects import FaultContext, FaultHistory, Removed, apply_faults
 
 
 class _Memory(msgspec.Struct, array_like=True):

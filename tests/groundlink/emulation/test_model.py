@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundlink.emulation import Impairment, LinkDirection
-from groundlink.emulation.model import OUTCOMES, OVERHEAD_BYTES, WAITING_BYTES
+from groundlink.emulation.model import OUTCOMES, OVERHEAD_BYTES, WAITING_BYTES, LinkDirection
+from groundlink.emulation.settings import Impairment
 
 MS = 1_000_000
 COUNT = 40_000

@@ -7,8 +7,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from groundlink.emulation import Impairment, LinkEvent, LinkScript, ScriptPlayer, changed
-from groundlink.emulation.script import parse_changes
+from groundlink.emulation.script import LinkEvent, LinkScript, ScriptPlayer, changed, parse_changes
+from groundlink.emulation.settings import Impairment
 from groundlink.loader.document import ScenarioError
 from groundlink.loader.scenario_files import SHIPPED, load
 

@@ -13,8 +13,9 @@ import msgspec
 import pytest
 
 from groundlink.core.errors import UserError
-from groundlink.emulation import Impairment, LinkEvent, LinkScript
 from groundlink.emulation.model import OUTCOMES
+from groundlink.emulation.script import LinkEvent, LinkScript
+from groundlink.emulation.settings import Impairment
 from groundlink.scenario.ros_side import GatewaySettings
 from services.gateway.carrier import sockets
 from services.gateway.emulated_socket import EmulatedSocket

@@ -18,8 +18,8 @@ from typing import Any
 import pytest
 
 from groundlink.__main__ import main
-from groundlink.emulation import Impairment
 from groundlink.emulation.model import OUTCOMES
+from groundlink.emulation.settings import Impairment
 from services.link import relay as module
 from services.link.relay import UdpRelay
 from udp_bridge import Link, Message

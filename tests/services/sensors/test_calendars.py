@@ -27,8 +27,8 @@ from groundlink.messages.base import (
 from groundlink.messages.imagery import CompressedImage
 from groundlink.messages.missing_readings import MissingReadings
 from groundlink.messages.reading_schedule import ReadingSchedule
+from groundlink.scenario.cameras import Imager
 from groundlink.scenario.every_sensor import Mount, SensorSpec
-from groundlink.scenario.lenses import Imager
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensor_kinds import sensor_kinds
 from services.sensors.camera.spec import Camera

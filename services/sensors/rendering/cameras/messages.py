@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from groundlink.messages.base import packed
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
-from groundlink.scenario.lenses import Lens
+from groundlink.scenario.cameras import Lens
 from services.sensors.rendering.gl.pinhole import Pinhole
 
 Pixels = NDArray[np.uint8]

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats
-from groundlink.scenario import lenses
+from groundlink.scenario import cameras
 from groundlink.scenario.cameras import Optics
 from services.sensors.rendering.gl.pinhole import Pinhole
 
@@ -101,7 +101,7 @@ def lens_pinhole(spec: Optics) -> Pinhole:
     return Pinhole.of(spec, radius=MODELS[spec.lens.model].radius)
 
 
-def slopes(spec: lenses.Lens, pinhole: Pinhole, scale: float = 1.0) -> Floats:
+def slopes(spec: cameras.Lens, pinhole: Pinhole, scale: float = 1.0) -> Floats:
     """Return where pixels' rays pass the plane z = 1, shape (height, width, 2); NaN for none.
 
     Parameters

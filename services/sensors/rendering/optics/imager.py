@@ -14,7 +14,7 @@ variance of s is s g / N + (g r / N)^2.
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.scenario.lenses import Imager
+from groundlink.scenario.cameras import Imager
 from services.sensors.noise.random_streams import RandomStreams
 
 from .shutter import LIGHT

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
-from groundlink.scenario import lenses
+from groundlink.scenario import cameras
 from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.target import Frame
 
@@ -82,7 +82,7 @@ class LensOptics:
 
     Parameters
     ----------
-    spec : lenses.Lens
+    spec : cameras.Lens
     pinhole : Pinhole
         Size of the picture, and K.
 
@@ -97,7 +97,7 @@ class LensOptics:
         Pinhole through which pictures have to be drawn.
     """
 
-    def __init__(self, spec: lenses.Lens, pinhole: Pinhole) -> None:
+    def __init__(self, spec: cameras.Lens, pinhole: Pinhole) -> None:
         self.drawn = pinhole
         self._bend: _Bend | None = None
         self._coloring: list[Callable[[Frame], NDArray[np.uint8]]] = []

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundlink.core.clock import NANOS
-from groundlink.scenario.lenses import Imager
+from groundlink.scenario.cameras import Imager
 
 LIGHT = (np.arange(256) ** 2 / 255**2).astype(np.float32)
 """Linear light of a coded value: its square, because the renderer codes with the square root."""

@@ -13,8 +13,8 @@ from groundlink.messages.base import BadBusMessage, BusMessage, State
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
 from groundlink.ros.message_sizes import body_bytes
 from groundlink.ros.streams import outgoing, static_transforms
+from groundlink.scenario.cameras import Imager, Lens
 from groundlink.scenario.every_sensor import Mount
-from groundlink.scenario.lenses import Imager, Lens
 from groundlink.scenario.schema import Scenario
 from services.sensors.camera.model import CameraModel
 from services.sensors.camera.spec import Camera

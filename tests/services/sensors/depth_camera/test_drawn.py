@@ -7,7 +7,7 @@ import pytest
 
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.messages.imagery import CameraInfo, Image
-from groundlink.scenario.lenses import Imager, Lens
+from groundlink.scenario.cameras import Imager, Lens
 from services.sensors.camera.model import CameraModel
 from services.sensors.camera.spec import Camera
 from services.sensors.depth_camera.eyes import DrawnEye, RayEye, depth_eye

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
-from groundlink.scenario import lenses
+from groundlink.scenario import cameras
 from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.gl.target import ALL_LAYERS
@@ -93,7 +93,7 @@ def corner_errors(samples: int) -> tuple[NDArray[np.float64], NDArray[np.float64
 
     The camera is ideal, and nothing is blurred before corners are looked for.
     """
-    scenario, spec = lit(), lenses.Lens()
+    scenario, spec = lit(), cameras.Lens()
     renderer = views.renderer(scenario, VIEW, samples=samples)
     renderer.add(calibration.chessboard())
     renderer.place(views.parked(views.world_replica(scenario), (0.0, 0.0, -400.0)))

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats, transform
-from groundlink.scenario import lenses
+from groundlink.scenario import cameras
 from groundlink.scenario.schema import Scenario
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rendering.gl.pinhole import Pinhole
@@ -64,7 +64,7 @@ def chessboard() -> SkinnedMesh:
 
 
 def projected(
-    spec: lenses.Lens, points: Floats, optical_from_board: Floats, pinhole: Pinhole = PINHOLE
+    spec: cameras.Lens, points: Floats, optical_from_board: Floats, pinhole: Pinhole = PINHOLE
 ) -> Floats:
     """Return the pixels of points of the board, shape (N, 2), by OpenCV's own formula."""
     project = cv2.projectPoints if spec.model == "plumb_bob" else cv2.fisheye.projectPoints
@@ -74,7 +74,7 @@ def projected(
     return np.asarray(flat[:, 0], np.float64)
 
 
-def poses(spec: lenses.Lens, away_m: float, pinhole: Pinhole = PINHOLE) -> list[Floats]:
+def poses(spec: cameras.Lens, away_m: float, pinhole: Pinhole = PINHOLE) -> list[Floats]:
     """Return board_from_optical of cameras whose pictures have the whole board, up to the rim."""
     generator = np.random.default_rng(5)
     board = np.asarray(1.2 * CORNERS, np.float64)
@@ -99,14 +99,14 @@ def poses(spec: lenses.Lens, away_m: float, pinhole: Pinhole = PINHOLE) -> list[
     return made
 
 
-def drawn(scenario: Scenario, spec: lenses.Lens, away_m: float) -> list[NDArray[np.uint8]]:
+def drawn(scenario: Scenario, spec: cameras.Lens, away_m: float) -> list[NDArray[np.uint8]]:
     """Return gray pictures of the board through a lens."""
     made = LensOptics(spec, PINHOLE)
     renderer: Renderer = views.renderer(scenario, made.drawn)
     renderer.add(chessboard())
     renderer.place(views.parked(views.world_replica(scenario), (0.0, 0.0, -400.0)))
     grain = Electronics(
-        lenses.Imager(full_well_electrons=20000.0, read_noise_electrons=5.0),
+        cameras.Imager(full_well_electrons=20000.0, read_noise_electrons=5.0),
         PINHOLE.width * PINHOLE.height,
         RandomStreams(1, "rover/camera"),
     )
@@ -141,7 +141,7 @@ def found(pictures: list[NDArray[np.uint8]]) -> tuple[list[Any], list[Any]]:
     return solid, flat
 
 
-def seen_points(spec: lenses.Lens) -> Floats:
+def seen_points(spec: cameras.Lens) -> Floats:
     """Return what a lens puts on pixels all over the picture, in its frame, shape (N, 3)."""
     undistort = cv2.undistortPoints if spec.model == "plumb_bob" else cv2.fisheye.undistortPoints
     flat = np.ascontiguousarray(PINHOLE.rays()[::24, ::24, :2]).reshape(-1, 1, 2)
@@ -149,9 +149,9 @@ def seen_points(spec: lenses.Lens) -> Floats:
     return np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
 
 
-def displacements(spec: lenses.Lens, points: Floats) -> Floats:
+def displacements(spec: cameras.Lens, points: Floats) -> Floats:
     """Return by how many pixels the coefficients of a lens move points, shape (N, 2)."""
-    ideal = lenses.Lens(model=spec.model)
+    ideal = cameras.Lens(model=spec.model)
     return projected(spec, points, np.eye(4)) - projected(ideal, points, np.eye(4))
 
 
@@ -166,7 +166,7 @@ def displacements(spec: lenses.Lens, points: Floats) -> Floats:
 )
 def test_a_chessboard_calibrates_to_camera_info(fields: dict[str, Any], away_m: float) -> None:
     """K within 0.5 %; every coefficient, and what they do anywhere in the picture, within 2 %."""
-    spec = lenses.Lens(**fields)
+    spec = cameras.Lens(**fields)
     solid, flat = found(drawn(lit(), spec, away_m))
     assert len(solid) >= 0.6 * VIEWS
     size = (PINHOLE.width, PINHOLE.height)
@@ -188,7 +188,7 @@ def test_a_chessboard_calibrates_to_camera_info(fields: dict[str, Any], away_m: 
     assert calibrated == pytest.approx(told, rel=0.02, abs=0.005 * abs(told[0]))
     points = seen_points(spec)
     wanted = displacements(spec, points)
-    found_px = displacements(lenses.Lens(model=spec.model, distortion=calibrated), points)
+    found_px = displacements(cameras.Lens(model=spec.model, distortion=calibrated), points)
     shift_px = np.linalg.norm(wanted, axis=1)
     off_px = np.linalg.norm(found_px - wanted, axis=1)
     counts = shift_px > 0.1 * shift_px.max()

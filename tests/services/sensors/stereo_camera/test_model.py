@@ -12,8 +12,8 @@ from groundlink.messages.base import BusMessage, State, packed
 from groundlink.messages.imagery import Image
 from groundlink.ros.message_sizes import body_bytes
 from groundlink.ros.streams import outgoing
+from groundlink.scenario.cameras import Imager, Lens
 from groundlink.scenario.every_sensor import Mount
-from groundlink.scenario.lenses import Imager, Lens
 from groundlink.scenario.schema import Scenario
 from services.sensors.camera.model import CameraModel
 from services.sensors.camera.spec import Camera

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
-from groundlink.scenario.lenses import Imager
+from groundlink.scenario.cameras import Imager
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rendering.optics.imager import Electronics
 

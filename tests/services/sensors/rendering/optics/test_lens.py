@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats
-from groundlink.scenario import lenses
+from groundlink.scenario import cameras
 from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.target import Frame
 from services.sensors.rendering.optics.distortion import EDGE, MODELS
@@ -28,7 +28,7 @@ LENSES: dict[str, dict[str, Any]] = {
 
 
 def lens(**fields: Any) -> LensOptics:
-    return LensOptics(lenses.Lens(**fields), PINHOLE)
+    return LensOptics(cameras.Lens(**fields), PINHOLE)
 
 
 def through(made: LensOptics, color: NDArray[np.uint8], depth_m: float = 2.0) -> Frame:
@@ -61,7 +61,7 @@ def spot(channel: NDArray[np.uint8], near: Floats) -> Floats:
 
 def in_picture(points: Floats, **fields: Any) -> Floats:
     """Return where OpenCV has points at z of 1 in the picture, shape (N, 2)."""
-    spec = lenses.Lens(**fields)
+    spec = cameras.Lens(**fields)
     solid = np.column_stack([points, np.ones(len(points))])[:, None]
     project = cv2.projectPoints if spec.model == "plumb_bob" else cv2.fisheye.projectPoints
     zero = np.zeros(3)
@@ -119,7 +119,7 @@ def test_depth_and_labels_are_of_the_nearest_drawn_pixel() -> None:
 
 def test_a_fisheye_is_black_beyond_its_circle() -> None:
     wide = Pinhole(320, 240, 125.0, 125.0, 159.5, 119.5)  # 147 degrees across, 183 in the corners
-    made = LensOptics(lenses.Lens(model="equidistant"), wide)
+    made = LensOptics(cameras.Lens(model="equidistant"), wide)
     frame = through(made, gray(made))
     angle = np.hypot(*np.moveaxis(wide.rays()[..., :2], -1, 0))
     assert (frame.color[angle < EDGE - 0.02] == 200).all()
@@ -140,13 +140,13 @@ def test_a_fisheye_is_black_beyond_its_circle() -> None:
 )
 def test_what_cannot_be_drawn_is_refused(fields: dict[str, Any], pinhole: Pinhole) -> None:
     with pytest.raises(UserError, match="150 degrees or folds back") as caught:
-        LensOptics(lenses.Lens(**fields), pinhole)
+        LensOptics(cameras.Lens(**fields), pinhole)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", LENSES)
 def test_models_go_there_and_back(name: str) -> None:
-    spec = lenses.Lens(**LENSES[name])
+    spec = cameras.Lens(**LENSES[name])
     model, coefficients = MODELS[spec.model], np.array(spec.coefficients)
     back = model.straight(model.bent(GRID, coefficients), coefficients)
     assert back == pytest.approx(GRID, abs=1e-5)
@@ -209,4 +209,4 @@ def test_an_ideal_lens_changes_nothing() -> None:
 
 def test_too_many_coefficients_are_refused() -> None:
     with pytest.raises(ValueError, match="takes up to 4: k1, k2, k3, k4"):
-        lenses.Lens(model="equidistant", distortion=(0.0,) * 5)
+        cameras.Lens(model="equidistant", distortion=(0.0,) * 5)

@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
-from groundlink.scenario.lenses import Imager
+from groundlink.scenario.cameras import Imager
 from services.sensors.rendering.optics.shutter import Shutter, weights
 
 SHAPE = (60, 200, 3)

@@ -12,9 +12,8 @@ from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
 from groundlink.messages.imagery import Image
-from groundlink.scenario.cameras import Optics
+from groundlink.scenario.cameras import Imager, Lens, Optics
 from groundlink.scenario.every_sensor import Mount
-from groundlink.scenario.lenses import Imager, Lens
 from groundlink.scenario.schema import Scenario
 from services.sensors.camera.model import CameraModel
 from services.sensors.camera.spec import Camera
