@@ -158,7 +158,7 @@ def test_largest_jpeg_matches_its_declaration(quality: int) -> None:
 @pytest.mark.parametrize(
     ("fields", "problem"),
     [
-        ({"intrinsics": (1.0, 1.0, 1.0, 1.0), "vertical_fov_deg": 60.0}, "choose one"),
+        ({"intrinsics": (1.0, 1.0, 1.0, 1.0), "vertical_fov_deg": 60.0}, "keep one"),
         ({"encoding": "bayer_rggb8"}, "publish: raw"),
     ],
 )
