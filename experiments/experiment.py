@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from experiments.estimation.evaluation import Evaluation, evaluate
-from experiments.estimation.trajectories import Trajectory, read_tum
 from experiments.output.console import Console
 from experiments.recording.recordings import RecordedRun, record
 from experiments.recording.setups import Changes, Setup
+from groundlink.data.trajectory import Trajectory, read_tum
 
 OUT = Path("build/experiments")
 """Default output folder."""

@@ -1,4 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The contract between the processes of a run: topics, messages, bus, time, scenario, world."""
+"""Groundlink, a real-time test rig for unmanned ground vehicles.
 
-__version__ = "0.1.0"
+`open` reads a recorded run. The packages below are what the processes of a run share: topics,
+messages, bus, time, scenario, world.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from groundlink.core import VERSION as __version__
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from groundlink.data.dataset import Dataset
+
+
+__all__ = ["__version__", "open"]
+
+
+def open(path: str | Path) -> Dataset:
+    """Open a recorded run, a file of `groundlink record`, for reading as arrays.
+
+    Raises
+    ------
+    groundlink.core.errors.UserError
+        when the file is missing or no recording of a run.
+    """
+    from groundlink.data.dataset import Dataset  # no process of a run needs it
+
+    return Dataset(path)

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from groundlink.core.frames import conjugate, matrix_from_quaternion, multiply
+from groundlink.data.trajectory import Trajectory
 from groundlink.report.analysis.motion import passages
-
-from .trajectories import Trajectory
 
 MM2_PER_M2 = 1e6
 

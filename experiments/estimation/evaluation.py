@@ -15,10 +15,10 @@ from pathlib import Path
 import msgspec
 
 from experiments.output.console import Console
+from groundlink.data.trajectory import Trajectory, read_tum, write_tum
 
 from . import environments
 from .programs import EVO
-from .trajectories import Trajectory, read_tum, write_tum
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,10 +21,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import IO
 
-from experiments.estimation.trajectories import Trajectory, read_tum, write_tum
+import groundlink
 from experiments.output.console import Console
 from groundlink.cli.run.running import free_endpoint
 from groundlink.core.errors import UserError
+from groundlink.data.trajectory import Trajectory, read_tum, write_tum
 from groundlink.monitor.supervisor import end_with_parent
 from groundlink.scenario import Scenario
 
@@ -36,7 +37,7 @@ from .deliveries import (
     write_deliveries,
 )
 from .setups import ROOT, Setup, loaded
-from .truth import frames_of, truth_of
+from .truth import frames_of
 
 END_S = 20.0
 """Timeout for processes to end."""
@@ -102,7 +103,8 @@ def record(setup: Setup, out: Path, console: Console) -> RecordedRun:
     deliveries = compare_delivery(bus, bag, loaded(part))
     if setup.is_lossless and (words := loss_summary(deliveries)):
         raise UserError(f"{setup.name}, seed {setup.seed}: not all came to {bag}: {words}")
-    write_tum(part / "truth.tum", truth_of(bus, loaded(part)))
+    with groundlink.open(bus) as dataset:
+        write_tum(part / "truth.tum", dataset.truth())
     (part / "frames.json").write_text(json.dumps(frames_of(bus)), encoding="utf-8")
     write_deliveries(part / "deliveries.csv", deliveries)
     bus.unlink()

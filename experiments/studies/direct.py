@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.estimation.surfaces import distances_m
-from experiments.estimation.trajectories import Trajectory
 from groundlink.core.frames import conjugate, matrix_from_quaternion, multiply, rotation_vector
+from groundlink.data.trajectory import Trajectory
 from groundlink.world.solids import Solid
 
 Floats = NDArray[np.float64]

@@ -16,21 +16,21 @@ import numpy as np
 import yaml
 from PIL import Image
 
+import groundlink
 from experiments.estimation.environments import python_of
 from experiments.estimation.evaluation import Evaluation
 from experiments.estimation.programs import DRIVERS, YAG_SLAM_LIVE
-from experiments.estimation.trajectories import Trajectory, read_tum, write_tum
 from experiments.experiment import ExperimentOptions, evaluate_estimate
 from experiments.output import figures
 from experiments.recording.recordings import RecordedRun, free_port, last_json, process
 from experiments.recording.setups import IN_REAL_TIME, Setup, loaded
-from experiments.recording.truth import truth_of
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus, BusError
 from groundlink.bus.topics import FROM_ROS
 from groundlink.cli.run.running import free_endpoint
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
+from groundlink.data.trajectory import Trajectory, read_tum, write_tum
 from groundlink.messages.navigation import OccupancyGrid, PoseStamped
 from groundlink.scenario import Scenario
 from udp_bridge_ros2.environment import apply_defaults
@@ -133,7 +133,8 @@ def _run(
     sent = read_tum(folder / "graph.tum").between(came[0] - MOMENT_S, came[-1] + MOMENT_S)
     if len(sent.seconds) != len(came):
         raise UserError(f"{label}: {len(came)} of {len(sent.seconds)} poses arrived on the bus")
-    write_tum(folder / "truth.tum", truth_of(bus_file, loaded(folder)))
+    with groundlink.open(bus_file) as dataset:
+        write_tum(folder / "truth.tum", dataset.truth())
     return RecordedRun(folder), map_yaml
 
 

@@ -3,7 +3,7 @@
 
 import argparse
 
-from groundlink import __version__
+from groundlink.core import VERSION
 
 from .files import (
     check,
@@ -54,7 +54,7 @@ def parser() -> argparse.ArgumentParser:
         prog="groundlink",
         description="A distributed real-time test rig for unmanned ground vehicles.",
     )
-    parser.add_argument("--version", action="version", version=f"groundlink {__version__}")
+    parser.add_argument("--version", action="version", version=f"groundlink {VERSION}")
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in COMMANDS:
         command.add_parser(subparsers)

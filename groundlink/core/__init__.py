@@ -3,3 +3,6 @@
 
 May be imported by every package. Imports nothing else of Groundlink.
 """
+
+VERSION = "0.1.0"
+"""Version of Groundlink."""

@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
-from groundlink import __version__
+from groundlink.core import VERSION
 from groundlink.scenario import Scenario
 from groundlink.scenario.decoding import put_unknown, take_unknown
 from groundlink.scene.build import world_hash
@@ -79,7 +79,7 @@ def describe_run(scenario: Scenario, run: str, epoch_nanos: int) -> RunFacts:
 
 def versions() -> dict[str, str]:
     """Return the versions of the installed software."""
-    found = {"groundlink": __version__, "python": platform.python_version()}
+    found = {"groundlink": VERSION, "python": platform.python_version()}
     for package in _PACKAGES:
         try:
             found[package] = version(package)

@@ -8,7 +8,7 @@ QoS policies are written as numbers, which every rosbag2 since Humble reads; the
 from collections.abc import Mapping
 from pathlib import Path
 
-from groundlink import __version__
+from groundlink.core import VERSION
 from groundlink.ros.types import DEFINITION_ENCODING, MESSAGE_ENCODING, definition
 
 from . import metadata
@@ -60,7 +60,7 @@ class RosFile:
     """
 
     def __init__(self, path: Path) -> None:
-        self.mcap = McapFile(path, profile=PROFILE, library=f"groundlink {__version__}")
+        self.mcap = McapFile(path, profile=PROFILE, library=f"groundlink {VERSION}")
         self.mcap.add_metadata(*ROSBAG2_METADATA)
         self._schemas: dict[str, int] = {}
         self._topics: dict[tuple[str, str], RecordedTopic] = {}

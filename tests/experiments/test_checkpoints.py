@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from experiments.estimation.checkpoints import accumulated_errors, aligned_at_start
-from experiments.estimation.trajectories import Trajectory
 from groundlink.core.frames import matrix_from_quaternion, multiply
+from groundlink.data.trajectory import Trajectory
 
 SECONDS = np.arange(0.0, 40.05, 0.1)
 CHECKPOINTS = {"start": (0.0, 0.0), "middle": (5.0, 0.0), "end": (10.0, 0.0)}

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.estimation.trajectories import Trajectory
 from experiments.studies.direct import LidarSweep, imu_quantities, scan_quantities
+from groundlink.data.trajectory import Trajectory
 from groundlink.world.solids import Box, Solid
 
 HALF_M = np.array([4.0, 3.0, 2.0])

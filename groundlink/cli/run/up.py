@@ -11,10 +11,10 @@ from pathlib import Path
 import msgspec
 from rich.console import Console
 
-from groundlink import __version__
 from groundlink.cli import Subparsers
 from groundlink.cli.run.dashboard import dashboard
 from groundlink.cli.terminal import output as terminal
+from groundlink.core import VERSION
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.episode import journal
@@ -199,7 +199,7 @@ def _report(
 ) -> dict[str, object]:
     """Return the report of a run as plain data."""
     return {
-        "groundlink": __version__,
+        "groundlink": VERSION,
         "run": run,
         "started": started,
         "sim_seconds": monitor.sim_seconds,

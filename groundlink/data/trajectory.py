@@ -35,6 +35,11 @@ class Trajectory:
         """Length of the path."""
         return float(np.linalg.norm(np.diff(self.positions_m, axis=0), axis=1).sum())
 
+    @property
+    def rows(self) -> Array:
+        """Shape (N, 8): seconds, x, y, z, qx, qy, qz, qw, as in a TUM file."""
+        return np.column_stack((self.seconds, self.positions_m, self.orientations))
+
     def between(self, first_s: float, last_s: float) -> "Trajectory":
         """Return the part from one time to another."""
         keep = (self.seconds >= first_s) & (self.seconds <= last_s)
@@ -71,8 +76,7 @@ class Trajectory:
 
 def write_tum(file: Path, trajectory: Trajectory) -> None:
     """Write a trajectory."""
-    rows = np.column_stack((trajectory.seconds, trajectory.positions_m, trajectory.orientations))
-    np.savetxt(file, rows, fmt=["%.9f"] + 7 * ["%.9g"])
+    np.savetxt(file, trajectory.rows, fmt=["%.9f"] + 7 * ["%.9g"])
 
 
 def read_tum(file: Path) -> Trajectory:

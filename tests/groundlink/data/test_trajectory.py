@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.estimation.trajectories import Trajectory, read_tum, write_tum
 from groundlink.core.errors import UserError
+from groundlink.data.trajectory import Trajectory, read_tum, write_tum
 
 SECONDS = np.linspace(0.0, 2 * pi, 629)
 
