@@ -9,6 +9,7 @@ from fuzz.conversation import (
     ANSWER_LOST,
     CLOCK_SHIFTS_NANOS,
     HELD,
+    HONEST,
     LARGEST_BODY,
     LOST,
     SENDERS,
@@ -17,6 +18,7 @@ from fuzz.conversation import (
     Forgery,
 )
 from udp_bridge import MSG_TYPES
+from udp_bridge.wire.header import NANOS
 from udp_bridge.wire.repair import Offer, Request
 
 INDEX = st.integers(0, SENDERS - 1)
@@ -84,3 +86,18 @@ Conversations.TestCase.settings = settings(
     phases=[Phase.generate],
 )
 TestConversations = Conversations.TestCase
+
+
+def test_copy_of_a_repaired_message_is_no_restart() -> None:
+    """A restarted sender with an older clock repairs its first message after 1 s of silence."""
+    conversation = Conversation()
+    conversation.send(HONEST, 0)
+    conversation.transfer(HONEST, [0])
+    conversation.wait(175)
+    conversation.restart(HONEST, CLOCK_SHIFTS_NANOS.index(-NANOS))
+    conversation.wait(652)
+    conversation.send(HONEST, 500)
+    lost = {1: LOST, 5: LOST, 19: ANSWER_LOST, 27: HELD, 29: LOST, 31: HELD, 33: LOST}
+    conversation.transfer(HONEST, [lost.get(i, 0) for i in range(35)])
+    conversation.transfer(HONEST, [0, TWICE, 0, 0, 0, 0])
+    assert list(conversation.senders[HONEST].bodies.values()) == [1, 1]

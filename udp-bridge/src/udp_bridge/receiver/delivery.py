@@ -102,6 +102,8 @@ class DeliveryRules:
             self._totals.late += 1
             topic.log.outcomes.settle(header.seq_number, "late")
             return None
+        else:
+            order.end_silence(now_nanos)
         if is_requested:
             self._totals.repaired += 1
             topic.log.outcomes.mark_repaired(header.seq_number)

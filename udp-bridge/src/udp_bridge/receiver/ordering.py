@@ -121,6 +121,13 @@ class TopicOrder:
         self._suspect = None
         return skipped
 
+    def end_silence(self, now_nanos: int) -> None:
+        """Remember that a message behind the last one was delivered.
+
+        Otherwise a copy of it, after a silence, would show a restart and be delivered again.
+        """
+        self._last_delivery_nanos = now_nanos
+
     def deliver_next(self, header: Header, now_nanos: int) -> bool:
         """Fast path: deliver and finish a message if its number is the next one.
 
