@@ -16,9 +16,9 @@ from pathlib import Path
 from groundlink.bus.core_topics import STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.cli.run.running import free_endpoint
 from groundlink.core.clock import NANOS, TICK_RATE_HZ
 from groundlink.messages.base import State
+from groundlink.monitor.process_commands import free_endpoint
 
 from .claims import Claim, add_options, judge
 

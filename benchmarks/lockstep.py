@@ -30,6 +30,7 @@ from groundlink.core.clock import TICK_SECONDS
 from groundlink.episode.control import Reset
 from groundlink.loader import load
 from groundlink.messages.base import Ack, BusMessage, Health
+from groundlink.monitor import process_commands
 from groundlink.monitor.supervisor import Supervisor
 from groundlink.process import runner as process
 from groundlink.scenario import Scenario
@@ -123,8 +124,10 @@ def lost(health: BusInbox[BusMessage]) -> dict[str, int]:
 
 def measure(scenario: Scenario, file: Path, pairs: int, together: bool) -> list[list[float]]:
     """Return the times of pairs of episodes, one in lockstep and one free."""
-    endpoint = running.free_endpoint()
-    commands = running.commands(scenario, str(file), RUN, endpoint, sensors_together=together)
+    endpoint = process_commands.free_endpoint()
+    commands = process_commands.commands(
+        scenario, str(file), RUN, endpoint, sensors_together=together
+    )
     commands["physics"][:2] = ["-m", "benchmarks.lockstep", "physics"]
     receiver = ("-m", "udp_bridge", "listen", "--bind", scenario.gateway.peer, "--quiet")
     supervisor = Supervisor({**commands, running.ROS_SIDE: receiver}, lambda *said: print(*said))

@@ -23,10 +23,10 @@ import numpy as np
 from groundlink.bus.core_topics import STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.cli.run.running import free_endpoint
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS
 from groundlink.loader import load
 from groundlink.messages.base import BusMessage, Command, State, encode
+from groundlink.monitor.process_commands import free_endpoint
 from groundlink.scenario import Scenario
 from services.physics.run.episode import Episode
 from services.physics.run.publishers import BusPublishers, Publishers

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Groundlink, a real-time test rig for unmanned ground vehicles.
 
-`open` reads a recorded run. The packages below are what the processes of a run share: topics,
-messages, bus, time, scenario, world.
+`open` reads a recorded run, `run` starts one that a program steps. The packages below are what the
+processes of a run share: topics, messages, bus, time, scenario, world.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from groundlink.data.dataset import Dataset
+    from groundlink.sim.simulation import Mode, Simulation
 
 
-__all__ = ["__version__", "open"]
+__all__ = ["__version__", "open", "run"]
 
 
 def open(path: str | Path) -> Dataset:
@@ -31,3 +32,10 @@ def open(path: str | Path) -> Dataset:
     from groundlink.data.dataset import Dataset  # no process of a run needs it
 
     return Dataset(path)
+
+
+def run(scenario: str | Path, *, mode: Mode = "fast", sensors_together: bool = False) -> Simulation:
+    """Start a run that a program steps; see `groundlink.sim.simulation.Simulation`."""
+    from groundlink.sim.simulation import Simulation
+
+    return Simulation(scenario, mode=mode, sensors_together=sensors_together)

@@ -16,8 +16,8 @@ from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import STREAM_TOPICS
-from groundlink.cli.run.running import free_endpoint
 from groundlink.loader import load
+from groundlink.monitor.process_commands import free_endpoint
 from groundlink.scenario.ros_side import Stream
 from groundlink.scenario.schema import Scenario
 from udp_bridge import Link, Message

@@ -23,9 +23,9 @@ from typing import IO
 
 import groundlink
 from experiments.output.console import Console
-from groundlink.cli.run.running import free_endpoint
 from groundlink.core.errors import UserError
 from groundlink.data.trajectory import Trajectory, read_tum, write_tum
+from groundlink.monitor.process_commands import free_endpoint
 from groundlink.monitor.supervisor import end_with_parent
 from groundlink.scenario import Scenario
 

@@ -27,11 +27,11 @@ from experiments.recording.setups import IN_REAL_TIME, Setup, loaded
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus, BusError
 from groundlink.bus.topics import FROM_ROS
-from groundlink.cli.run.running import free_endpoint
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
 from groundlink.data.trajectory import Trajectory, read_tum, write_tum
 from groundlink.messages.navigation import OccupancyGrid, PoseStamped
+from groundlink.monitor.process_commands import free_endpoint
 from groundlink.scenario import Scenario
 from udp_bridge_ros2.environment import apply_defaults
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import pytest
 
 from groundlink.bus.session import Bus
-from groundlink.cli.run.running import free_endpoint
 from groundlink.loader import load
+from groundlink.monitor.process_commands import free_endpoint
 from groundlink.scenario import Scenario
 
 

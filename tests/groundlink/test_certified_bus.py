@@ -10,8 +10,8 @@ import pytest
 from groundlink.bus import zenoh_config
 from groundlink.bus.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, VARIABLE, about_text
 from groundlink.bus.session import Bus, BusError
-from groundlink.cli.run.running import free_endpoint
 from groundlink.deploy.certificates import Authority
+from groundlink.monitor.process_commands import free_endpoint
 
 NOW = datetime.datetime.now(datetime.UTC)
 YESTERDAY = NOW - datetime.timedelta(days=1)

@@ -70,7 +70,7 @@ def test_steps_that_are_none(ticks: int) -> None:
 def test_a_run_that_is_not_paused_is_not_stepped() -> None:
     simulator = Simulator()
     simulator.is_running = True
-    with pytest.raises(CommandFailed, match="running at tick 103; pause it first"):
+    with pytest.raises(CommandFailed, match=r"running at tick 103\. Fix: pause it first"):
         run_of(simulator).step(1)
     assert STEP not in simulator.asked
 

@@ -12,9 +12,9 @@ from .conftest import Ros
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (["--bind", "here"], "bind is 'here', which is no HOST:PORT such as 127.0.0.1:7511"),
-        (["--bind", "127.0.0.1:65536"], "bind is '127.0.0.1:65536', which is no HOST:PORT"),
-        (["--ros-args", "-p", "peer:=x:y"], "peer is 'x:y', which is no HOST:PORT"),
+        (["--bind", "here"], "bind is 'here'; expected HOST:PORT such as 127.0.0.1:7511"),
+        (["--bind", "127.0.0.1:65536"], "bind is '127.0.0.1:65536'; expected HOST:PORT"),
+        (["--ros-args", "-p", "peer:=x:y"], "peer is 'x:y'; expected HOST:PORT"),
         (["--ros-args", "-p", "bind:=7511"], "'bind'"),
         (["--bind", "0.0.0.0:0"], "bind 0.0.0.0:0: other hosts can reach this socket; expected"),
         (["--ros-args", "-p", "allow_any_peer:=7"], "allow_any_peer is '7'; expected true or f"),

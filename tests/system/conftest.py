@@ -4,7 +4,7 @@
 import pytest
 
 from groundlink.bus.session import Bus
-from groundlink.cli.run.running import free_endpoint
+from groundlink.monitor.process_commands import free_endpoint
 
 
 @pytest.fixture(scope="session", autouse=True)

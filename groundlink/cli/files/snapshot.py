@@ -16,6 +16,7 @@ from groundlink.cli.run import running, supervised
 from groundlink.cli.terminal import output as terminal
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.loader import load
+from groundlink.monitor import process_commands
 from groundlink.monitor.supervisor import Supervisor
 from groundlink.scenario.cameras import Optics
 
@@ -58,8 +59,8 @@ def snapshot(options: argparse.Namespace) -> int:
         )
     if not options.at >= 0:
         raise UserError(f"--at {options.at:g}: expected seconds of sim time, 0 or more")
-    run, endpoint = f"snapshot_{os.getpid()}", running.free_endpoint()
-    joining = running.joining(run, endpoint)
+    run, endpoint = f"snapshot_{os.getpid()}", process_commands.free_endpoint()
+    joining = process_commands.joining(run, endpoint)
     modules = process_names(scenario)
     commands = {
         "physics": [

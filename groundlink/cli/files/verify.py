@@ -27,6 +27,7 @@ from groundlink.core.extras import needs
 from groundlink.episode import journal as journals
 from groundlink.loader import load
 from groundlink.messages.base import Health
+from groundlink.monitor import process_commands
 from groundlink.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -109,8 +110,8 @@ def _run(
 ) -> int | None:
     """Run until the recording is repeated; return an exit code if that failed."""
     verdict = folder / VERDICT
-    run, endpoint = f"verify_{os.getpid()}", running.free_endpoint()
-    joining = running.joining(run, endpoint)
+    run, endpoint = f"verify_{os.getpid()}", process_commands.free_endpoint()
+    joining = process_commands.joining(run, endpoint)
     modules = process_names(again)
     commands = {
         "physics": ["-m", modules["physics"], "--follow", str(folder / FOLLOWED), *joining],

@@ -25,13 +25,12 @@ from groundlink.cli.terminal.output import stop_on_signals
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.loader.scenario_files import load_route, read_route
 from groundlink.messages.base import Clock, Command
+from groundlink.monitor.process_commands import joining
 from groundlink.process import runner as process
 from groundlink.process.joining import join
 from groundlink.scenario import Scenario
 from groundlink.scenario.route import FIGURES
 from groundlink.scenario.schema import Vehicle
-
-from .running import joining
 
 PERIOD_SECONDS = 0.05
 """Period of commands."""

@@ -16,6 +16,7 @@ from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.loader import load
 from groundlink.messages.base import Health
+from groundlink.monitor import process_commands
 from groundlink.monitor.run_monitor import RATE_TOLERANCE, RunMonitor
 
 from . import running, supervised
@@ -54,7 +55,7 @@ def record(options: argparse.Namespace) -> int:
     running.check_new_file("--out", out)
     run = options.run or scenario.name
     console = terminal.console()
-    commands = running.commands(scenario, options.scenario, run, options.listen)
+    commands = process_commands.commands(scenario, options.scenario, run, options.listen)
     del commands["gateway"]
     commands["physics"] += ["--mode", "realtime" if options.realtime else "fast"]
     commands["physics"] += ["--lockstep", "sensors"]  # no ROS node takes part

@@ -14,6 +14,7 @@ from groundlink.cli.run.dashboard import dashboard
 from groundlink.cli.terminal import output as terminal
 from groundlink.core.extras import needs
 from groundlink.loader import load
+from groundlink.monitor import process_commands
 from groundlink.monitor.supervisor import Child
 
 from . import running, supervised
@@ -70,7 +71,7 @@ def replay(options: argparse.Namespace) -> int:
     gateway = load(options.gateway).gateway if options.gateway else scenario.gateway
     run = options.run or recorded.run
     console = terminal.console()
-    join = running.joining(run, options.listen)
+    join = process_commands.joining(run, options.listen)
     commands = {REPLAY: ["-m", "services.replay", options.recording, *join]}
     commands[REPLAY] += ["--factor", repr(options.factor), "--from", repr(options.start)]
     commands[REPLAY] += ["--loop"] if options.loop else []

@@ -1,32 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command lines of the processes of a run, for commands that start a run on this machine.
-
-Services are started as ``python -m`` only. `supervised` starts them.
-"""
+"""Options and further processes of commands that start a run on this machine."""
 
 import argparse
 import importlib.util
-import socket
 from ipaddress import ip_address
 from pathlib import Path
 
 from rich.console import Console
 
 from groundlink.bus import core_topics
-from groundlink.bus.topics import process_names
 from groundlink.bus.zenoh_config import DEFAULT_ENDPOINT
 from groundlink.core.errors import RequirementError, UserError
+from groundlink.monitor.process_commands import joining
 from groundlink.process.runner import address
-from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import GatewaySettings
 
 RECORDER = core_topics.RECORDER
 
 ROS_SIDE = "ros"
 """Name of the ROS node's process."""
-
-SENSORS = "sensors"
-"""Name of the shared process of all sensors."""
 
 SCENARIO_HELP = "scenario file (YAML), or name of a shipped scenario such as indoor_lab"
 
@@ -44,32 +36,6 @@ def add_arguments(parser: argparse.ArgumentParser, whose: str, *, ros: bool = Tr
         parser.add_argument(
             "--no-ros", action="store_true", help="do not start a ROS node; it runs elsewhere"
         )
-
-
-def commands(
-    scenario: Scenario, file: str, run: str, endpoint: str, *, sensors_together: bool = False
-) -> dict[str, list[str]]:
-    """Return the command line of every process of a run; sensors may share one process."""
-    found = {}
-    modules = process_names(scenario)
-    if sensors_together and (names := scenario.sensor_names()):
-        modules = {n: m for n, m in modules.items() if n not in names}
-        modules[SENSORS] = "services.sensors"
-    for name, module in modules.items():
-        arguments = [file] if name == "physics" else ["--name", name] if "/" in name else []
-        found[name] = ["-m", module, *arguments, *joining(run, endpoint)]
-    return found
-
-
-def free_endpoint() -> str:
-    """Return a free endpoint of this machine."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return f"tcp/127.0.0.1:{server.getsockname()[1]}"
-
-
-def joining(run: str, endpoint: str) -> list[str]:
-    """Return the arguments of a process that joins a run."""
-    return ["--connect", endpoint, "--run", run]
 
 
 def recorder(out: str, run: str, endpoint: str) -> list[str]:

@@ -33,7 +33,7 @@ class SupervisedRun:
     Parameters
     ----------
     commands
-        command lines by process name; see `running.commands`.
+        command lines by process name; see `process_commands.commands`.
     run
         the run's name.
     endpoint

@@ -20,6 +20,7 @@ from groundlink.core.errors import UserError
 from groundlink.episode import journal
 from groundlink.loader import load, time_options
 from groundlink.messages.base import NOT_REPORTED
+from groundlink.monitor import process_commands
 from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.monitor.supervisor import Child
 from groundlink.scenario import Scenario
@@ -73,7 +74,7 @@ def up(options: argparse.Namespace) -> int:
         running.check_new_file("--record", Path(options.record))
     run = options.run or scenario.name
     console = terminal.console()
-    commands = running.commands(
+    commands = process_commands.commands(
         *(scenario, options.scenario, run, options.listen),
         sensors_together=options.sensors_together,
     )

@@ -16,8 +16,8 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.reference import reference
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import TOPICS
-from groundlink.cli.run.running import free_endpoint
 from groundlink.messages.base import BusMessage, Clock, Command, encode
+from groundlink.monitor.process_commands import free_endpoint
 from tests.groundlink.messages.test_base import EXAMPLES, NAMES
 
 DOCUMENT = (Path(__file__).parents[3] / "docs/bus.md").read_text(encoding="utf-8")

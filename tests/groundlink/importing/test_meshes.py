@@ -127,7 +127,7 @@ def test_obj_has_its_texture_and_reports_a_missing_one(tmp_path: Path) -> None:
     assert "cannot be read" in told[0]
 
 
-OUTSIDE = "lies outside its folder; what it holds is left out"
+OUTSIDE = "lies outside its folder; its content is ignored"
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,10 @@ import zenoh.ext
 from msgspec.structs import replace
 
 from groundlink.bus.session import Bus
-from groundlink.cli.run.running import free_endpoint
 from groundlink.core.errors import UserError
 from groundlink.loader import load as load_scenario
 from groundlink.loader.scenario_files import SHIPPED
+from groundlink.monitor.process_commands import free_endpoint
 from groundlink.scenario.ros_side import RmwZenoh
 from services.gateway.carrier import rmw_zenoh as native_of
 from services.gateway.gateway import Gateway

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""System tests of runs that a program steps, with real processes."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import groundlink
+from groundlink.core.errors import RunFailed, UserError
+from groundlink.messages.base import Imu, PointCloud
+from groundlink.sim.simulation import Simulation
+
+from .rig import rig
+
+pytestmark = pytest.mark.system
+
+CLOUD_NANOS = 100_000_000
+
+
+@pytest.fixture(scope="module")
+def sim(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Simulation]:
+    with (
+        rig(tmp_path_factory.mktemp("sim")) as files,
+        groundlink.run(files.scenario) as started,
+    ):
+        yield started
+
+
+def drive(sim: Simulation) -> list[Any]:
+    """Return what half a second of driving gives."""
+    sim.step(0.1)
+    sim.command("rover", 0.8, 0.4)
+    sim.step(0.4)
+    return [sim.latest(stream) for stream in sim.streams]
+
+
+def test_step_returns_with_the_readings_up_to_its_end(sim: Simulation) -> None:
+    sim.reset()
+    assert sim.time_s == 0.0
+    sim.step(0.25)
+    assert sim.time_s == 0.25
+    imu, cloud = sim.latest("rover/imu"), sim.latest("rover/lidar")
+    assert isinstance(imu, Imu)
+    assert isinstance(cloud, PointCloud)
+    now = sim.latest("rover/ground_truth").stamp_nanos
+    assert now - imu.stamp_nanos <= 1e9 / sim.scenario.sensor("rover/imu")[1].rate_hz  # type: ignore[index, attr-defined]
+    assert CLOUD_NANOS <= now - cloud.stamp_nanos < 2 * CLOUD_NANOS
+    sim.step()
+    assert sim.time_s == pytest.approx(0.25 + sim.step_s)
+
+
+def test_command_acts_in_the_next_tick_and_a_reset_takes_it_back(sim: Simulation) -> None:
+    sim.reset()
+    still = sim.latest("rover/ground_truth")
+    first = drive(sim)
+    moved = sim.latest("rover/ground_truth")
+    assert moved.position_m[0] - still.position_m[0] != 0
+    assert moved.linear_mps[0] > 0.3
+    sim.reset()
+    assert sim.latest("rover/lidar") is None
+    assert drive(sim) == first
+
+
+def test_sensors_in_one_process_give_the_same(sim: Simulation, tmp_path: Path) -> None:
+    sim.reset()
+    expected = drive(sim)
+    with rig(tmp_path) as files, groundlink.run(files.scenario, sensors_together=True) as other:
+        assert drive(other) == expected
+
+
+def test_other_commands_join_the_run(sim: Simulation, tmp_path: Path) -> None:
+    sim.reset()
+    where = ("--run", sim.name, "--connect", sim.endpoint)
+    words = ("-m", "groundlink", "fault", "rover/imu", "stuck", *where)
+    subprocess.run([sys.executable, *words], check=True, capture_output=True, timeout=60)
+    sim.step(0.1)
+    before = sim.latest("rover/imu").linear_acceleration_mps2
+    sim.command("rover", 1.0, 0.0)
+    sim.step(0.1)
+    assert sim.latest("rover/imu").linear_acceleration_mps2 == before
+    sim.save(tmp_path / "half.run")
+    assert (tmp_path / "half.run").stat().st_size > 1000
+
+
+def test_mistakes_name_what_is_expected(sim: Simulation) -> None:
+    with pytest.raises(UserError, match=r"0\.013 s is no multiple of 0\.01 s"):
+        sim.step(0.013)
+    with pytest.raises(UserError, match="no vehicle `car`; expected one of rover"):
+        sim.command("car", 0.0, 0.0)
+    with pytest.raises(UserError, match=r"no stream `rover/radar`; expected one of .*rover/lidar"):
+        sim.latest("rover/radar")
+    with pytest.raises(UserError, match="nowhere"):
+        groundlink.run("nowhere.yaml")
+
+
+def test_run_that_cannot_go_on_says_why_and_leaves_no_process(tmp_path: Path) -> None:
+    with rig(tmp_path) as files:
+        text = files.scenario.read_text(encoding="utf-8")
+        files.scenario.write_text(text.replace("name: imu,", "name: imu, bogus: 1,"), "utf-8")
+        with pytest.raises(UserError, match="bogus"):
+            groundlink.run(files.scenario)
+    with rig(tmp_path) as files, groundlink.run(files.scenario) as run:
+        processes = run.processes
+        assert {"physics", "rover/imu", "rover/lidar"} <= set(processes)
+        files.scenario.unlink()
+        subprocess.run(["kill", "-KILL", str(processes["physics"])], check=True)
+        with pytest.raises(RunFailed, match="physics ended the run"):
+            run.step(0.1)
+    for pid in processes.values():
+        assert not Path(f"/proc/{pid}").exists()
