@@ -21,7 +21,7 @@ from services.sensors.rendering.cameras.messages import jpeg
 from services.sensors.runtime.model import LeftOut, stream_and_message
 from tests.services.sensors.rendering.opengl import _opengl as _opengl
 from tests.services.sensors.states import EPOCH_NANOS
-from tests.services.sensors.yards import resting
+from tests.services.sensors.yards import moving, resting
 
 from .specs import spec, world
 
@@ -133,6 +133,16 @@ def test_rays_give_the_same_images() -> None:
     # Only at edges do they differ, and there are holes.
     assert np.quantile(np.abs(a[both] - b[both]), 0.99) < 1e-3
     assert (np.isnan(a) == np.isnan(b)).mean() > 0.99
+
+
+def test_after_a_restart_come_the_same_pictures() -> None:
+    run = list(moving([(0.01 * tick, 0.0, 0.0) for tick in range(60)]))
+    model = camera(**NOISY)
+    whole = taken(model, run)[""]
+    assert not np.array_equal(depth(whole[-1]), depth(whole[-2]))
+    model.restart()
+    for later in (model, camera(**NOISY)):
+        assert taken(later, run[25:])[""] == whole[2:]
 
 
 def test_noise_is_new_in_every_picture() -> None:

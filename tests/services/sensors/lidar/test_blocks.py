@@ -13,7 +13,7 @@ from groundlink.core.clock import TICK_NANOS, TICK_SECONDS, Schedule
 from groundlink.core.frames import multiply, quaternion_from_rpy
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.messages.base import PointCloud, State, VehicleState, packed
+from groundlink.messages.base import PointCloud, State, VehicleState, encode, packed
 from groundlink.scenario.schema import Scenario
 from services.sensors.lidar.model import LidarModel
 from services.sensors.lidar.spec import Lidar
@@ -95,6 +95,20 @@ def test_times_count_from_the_blocks_own_first_firing() -> None:
         times = cloud.records()["time"]
         assert 0 <= times.min() < 1e-3
         assert times.max() < 0.1 / 24 + 35e-6
+
+
+@pytest.mark.parametrize(("name", "block_deg"), [("vlp16", 2.4), ("vlp16_paper", 15.0)])
+def test_a_successor_sends_every_block_that_was_not_settled(name: str, block_deg: float) -> None:
+    spec, scenario = sheet(name, block_deg=block_deg), laboratory()
+    whole = {cloud.stamp_nanos: encode(cloud) for _, cloud in clouds(spec)}
+    for end_tick in (47, 50, 51, 79, 80, 81):
+        model = LidarModel(scenario, scenario.vehicles[0], spec)
+        sent = {made.stamp_nanos for s in states(0, end_tick) for made in model.readings(s)}
+        later = {c.stamp_nanos: encode(c) for _, c in clouds(spec, model.settled_tick())}
+        assert later.items() <= whole.items()
+        assert sent | later.keys() == whole.keys()
+        missing_nanos = min(whole.keys() - sent) - EPOCH_NANOS
+        assert min(later) - EPOCH_NANOS >= missing_nanos // TICK_NANOS * TICK_NANOS
 
 
 @pytest.mark.parametrize(("name", "block_deg"), [("vlp16", 2.4), ("vlp16_paper", 15.0)])
