@@ -14,7 +14,7 @@ SETUP_INPUTS := pyproject.toml udp-bridge/pyproject.toml setup.sh \
 # Files with tests marked `system`; collecting all others takes longer than many of these tests.
 SYSTEM_TESTS := tests/system tests/ros1 tests/bridge/test_kernel_loss.py tests/experiments/test_short.py
 
-.PHONY: help setup run test test-units test-system test-alone test-stack environments mutants fuzz nightly benchmarks experiments clean
+.PHONY: help setup run test test-units test-system test-alone test-stack environments mutants fuzz nightly benchmarks experiments docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  %-14s %s\n", $$1, $$2 }'
@@ -65,6 +65,10 @@ fuzz: setup ## run each fuzzer for a minute
 experiments: setup ## run the experiments of the paper with third-party SLAM programs (NAMES=..., SHORT=1)
 	@$(BIN)/python -m experiments $(if $(SHORT),--short) $(NAMES)
 
+docs: setup ## build the documentation site in site/; fail at a broken link, anchor or picture
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	@echo "site/index.html; with search: $(BIN)/python -m http.server --directory site"
+
 clean: ## remove the environment and all caches
-	@rm -rf .venv build *.egg-info udp-bridge/src/*.egg-info \
+	@rm -rf .venv build site *.egg-info udp-bridge/src/*.egg-info \
 		.mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -25,7 +25,7 @@ from .bridge_ages import Traffic
 from .tcp_ages import Arrival
 from .two_hosts import NotAllowed
 
-PICTURE = Path(__file__).parents[2] / "docs" / "freshness.png"
+PICTURE = Path(__file__).parents[2] / "docs" / "pictures" / "freshness.png"
 LINK = Impairment(loss=0.05, delay_ms=10)
 SIZE = 1_000_000
 RATE_HZ = 10.0

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Summary page of an output folder, and the tables of docs/experiments.md.
+"""Summary page of an output folder, and the tables of docs/explanation/experiments.md.
 
-`python -m experiments.output.page` updates docs/experiments.md.
+`python -m experiments.output.page` updates docs/explanation/experiments.md.
 
 Each table of the page is generated from the CSV file beside it, between the marks `<!-- NAME -->`
-and `<!-- end of NAME -->`. Tables and figures that the page shows are copied into docs/experiments.
+and `<!-- end of NAME -->`. Tables and figures that the page shows are copied into
+docs/explanation/experiments.
 """
 
 import argparse
@@ -22,8 +23,8 @@ from experiments.experiment import OUT
 from experiments.recording.setups import ROOT
 from experiments.table import EXPERIMENTS
 
-PAGE = ROOT / "docs" / "experiments.md"
-KEPT = ROOT / "docs" / "experiments"
+PAGE = ROOT / "docs" / "explanation" / "experiments.md"
+KEPT = ROOT / "docs" / "explanation" / "experiments"
 """Tables and figures that the page shows."""
 
 

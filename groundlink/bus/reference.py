@@ -2,7 +2,7 @@
 """Reference of the bus in Markdown: keys of all streams and fields of all messages.
 
 Generated from the table of topics and the message classes. The meaning of a field is its docstring
-in the source. The text is part of `docs/bus.md`.
+in the source. The text is part of `docs/reference/bus.md`.
 """
 
 import ast

@@ -2,7 +2,7 @@
 """Table of topics: keys, message types and rates of all streams on the bus.
 
 Keys, message types and rates are defined only here. Liveness checks, the command `groundlink
-topics`, the reference in `docs/bus.md` and tests are derived from the table.
+topics`, the reference in `docs/reference/bus.md` and tests are derived from the table.
 """
 
 from collections.abc import Mapping

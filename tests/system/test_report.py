@@ -14,7 +14,7 @@ from .rig import REPOSITORY, free_port
 pytestmark = pytest.mark.system
 
 TOUR = REPOSITORY / "scenarios" / "indoor_lab_tour.yaml"
-DOCS = REPOSITORY / "docs" / "report.png"
+DOCS = REPOSITORY / "docs" / "pictures" / "report.png"
 WIDTH, HEIGHT = 1040, 4200
 
 

@@ -21,7 +21,7 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--markdown",
         action="store_true",
-        help="print keys and messages as Markdown, as in docs/bus.md",
+        help="print keys and messages as Markdown, as in docs/reference/bus.md",
     )
     parser.set_defaults(command=topics)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bus as an interface for others: MessagePack of any library, and `docs/bus.md`."""
+"""The bus as an interface for others: MessagePack of any library, and `docs/reference/bus.md`."""
 
 import re
 import subprocess
@@ -20,7 +20,7 @@ from groundlink.messages.base import BusMessage, Clock, Command, encode
 from groundlink.monitor.process_commands import free_endpoint
 from tests.groundlink.messages.test_base import EXAMPLES, NAMES
 
-DOCUMENT = (Path(__file__).parents[3] / "docs/bus.md").read_text(encoding="utf-8")
+DOCUMENT = (Path(__file__).parents[3] / "docs/reference/bus.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("message", EXAMPLES, ids=NAMES)
