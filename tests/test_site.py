@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The documentation site builds without a warning, from the pages alone."""
+"""The documentation site builds without a warning; its pages quote what the code says."""
 
 import re
 import subprocess
@@ -9,7 +9,11 @@ from pathlib import Path
 import pytest
 import yaml
 
+import udp_bridge
+from tools.command_reference import page
+
 ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
 PARTS = ("tutorials", "how-to", "reference", "explanation")
 
 
@@ -51,9 +55,8 @@ def test_search_knows_the_pages(site: Path) -> None:
 
 
 def test_every_page_stands_in_one_of_the_four_parts() -> None:
-    docs = ROOT / "docs"
-    loose = [page for page in docs.rglob("*.md") if page.relative_to(docs).parts[0] not in PARTS]
-    assert loose == [docs / "index.md"]
+    loose = [page for page in DOCS.rglob("*.md") if page.relative_to(DOCS).parts[0] not in PARTS]
+    assert loose == [DOCS / "index.md"]
 
 
 def test_a_broken_link_anchor_picture_or_navigation_fails_the_build(tmp_path: Path) -> None:
@@ -72,3 +75,67 @@ def test_a_broken_link_anchor_picture_or_navigation_fails_the_build(tmp_path: Pa
     assert done.stderr.count("WARNING -") == 5, done.stderr
     for named in ("'nowhere.md'", "'loose.md#nowhere'", "'none.png'", "'../NONE.md'", "- loose.md"):
         assert named in done.stderr
+
+
+def text(name: str) -> str:
+    return (DOCS / name).read_text(encoding="utf-8")
+
+
+def test_the_commands_are_those_of_the_parser() -> None:
+    assert text("reference/commands.md") == page(), "run: python -m tools.command_reference"
+
+
+def test_the_python_page_has_every_public_name_of_the_bridge(site: Path) -> None:
+    named = set(re.findall(r"^::: udp_bridge\.(\w+)$", text("reference/python.md"), re.MULTILINE))
+    assert named == set(udp_bridge.__all__)
+    built = (site / "reference" / "python.html").read_text(encoding="utf-8")
+    for name in ("groundlink.open", "groundlink.data.dataset.Dataset.array", "udp_bridge.Link"):
+        assert f'id="{name}"' in built
+
+
+def test_error_lines_of_troubleshooting_are_those_of_the_sources() -> None:
+    """A quotation of several words stands in a source, maybe over two lines."""
+    folders = ("groundlink", "services", "udp-bridge/src")
+    files = [ROOT / "setup.sh", *(file for name in folders for file in (ROOT / name).rglob("*.py"))]
+    sources = "".join(file.read_text(encoding="utf-8") for file in files)
+    joined = re.sub(r'"\s+f?"', "", sources)
+    first_column = re.findall(r"^\| (.*?) \|", text("how-to/troubleshooting.md"), re.MULTILINE)
+    quoted = [quote for cell in first_column for quote in re.findall(r"`([^`]+ [^`]+)`", cell)]
+    assert len(quoted) > 20
+    parts = [part for quote in quoted if ":" not in quote for part in quote.split(" ... ")]
+    assert [part for part in parts if part not in joined] == []
+
+
+def test_the_sensor_of_the_tutorial_is_the_example() -> None:
+    example = ROOT / "examples" / "magnetometer_sensor"
+    files = [example / "pyproject.toml", *(example / "magnetometer_sensor").glob("*.py")]
+    sources = "\n".join(file.read_text(encoding="utf-8") for file in files)
+    blocks = re.findall(
+        r"```(?:python|toml)\n(.*?)```", text("tutorials/your-own-sensor.md"), re.DOTALL
+    )
+    assert len(blocks) >= 6
+    lines = [line.removesuffix(" ...") for block in blocks for line in block.splitlines()]
+    assert [line for line in lines if line.strip() != "..." and line not in sources] == []
+
+
+def test_the_python_of_the_tutorial_runs(tmp_path: Path) -> None:
+    """On a recording of another scenario, which has the topics of the tutorial."""
+    recording = ROOT / "tests" / "compatibility" / "every_kind.mcap"
+    (tmp_path / "run.mcap").symlink_to(recording)
+    blocks = re.findall(r"```python\n(.*?)```", text("tutorials/record-and-read.md"), re.DOTALL)
+    assert len(blocks) == 8
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", "".join(blocks)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"^ +58 sensor_msgs/msg/Imu +/imu$", done.stdout, re.MULTILINE)
+    assert "58 samples from 0.0200 s to 0.5900 s" in done.stdout
+    assert len((tmp_path / "truth.tum").read_text().splitlines()) == 30
+    (corners,) = re.findall(r"^\[(.*)\] \[(.*)\]$", done.stdout.splitlines()[-1])
+    low, high = ([float(number) for number in corner.split()] for corner in corners)
+    assert low[2] == pytest.approx(0, abs=0.1)
+    assert all(high[axis] > low[axis] + 1 for axis in range(3))
