@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+import groundlink
 import udp_bridge
 from tools.command_reference import page
 
@@ -85,9 +86,11 @@ def test_the_commands_are_those_of_the_parser() -> None:
     assert text("reference/commands.md") == page(), "run: python -m tools.command_reference"
 
 
-def test_the_python_page_has_every_public_name_of_the_bridge(site: Path) -> None:
-    named = set(re.findall(r"^::: udp_bridge\.(\w+)$", text("reference/python.md"), re.MULTILINE))
-    assert named == set(udp_bridge.__all__)
+def test_the_python_page_has_every_public_name(site: Path) -> None:
+    named = set(re.findall(r"^::: (\w+\.\w+)$", text("reference/python.md"), re.MULTILINE))
+    packages = (groundlink, udp_bridge)
+    public = {f"{package.__name__}.{name}" for package in packages for name in package.__all__}
+    assert named == public - {"groundlink.__version__"}
     built = (site / "reference" / "python.html").read_text(encoding="utf-8")
     for name in ("groundlink.open", "groundlink.data.dataset.Dataset.array", "udp_bridge.Link"):
         assert f'id="{name}"' in built

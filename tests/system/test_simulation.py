@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of runs that a program steps, with real processes."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -84,6 +85,17 @@ def test_other_commands_join_the_run(sim: Simulation, tmp_path: Path) -> None:
     assert sim.latest("rover/imu").linear_acceleration_mps2 == before
     sim.save(tmp_path / "half.run")
     assert (tmp_path / "half.run").stat().st_size > 1000
+
+
+def test_the_program_of_the_guide_follows_a_line() -> None:
+    page = Path(__file__).parents[2] / "docs" / "how-to" / "python-run.md"
+    (program,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    done = subprocess.run(
+        [sys.executable, "-c", program], check=True, capture_output=True, text=True, timeout=100
+    )
+    first, streams = done.stdout.splitlines()
+    assert re.fullmatch(r"2\.0 s, x -?\d+\.\d\d m", first)
+    assert "'rover/ground_truth'" in streams
 
 
 def test_mistakes_name_what_is_expected(sim: Simulation) -> None:
