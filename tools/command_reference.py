@@ -56,7 +56,7 @@ def _first_line(error: type[UserError]) -> str:
 
 def _helps(command: argparse.ArgumentParser) -> Iterator[tuple[str, str]]:
     """Yield name and help of a command and of the commands below it."""
-    command.formatter_class = partial(command.formatter_class, width=_WIDTH)
+    command.formatter_class = partial(argparse.HelpFormatter, width=_WIDTH)
     yield command.prog, command.format_help()
     for action in command._actions:
         if isinstance(action, argparse._SubParsersAction):
