@@ -23,8 +23,13 @@ class LinkEvent(Spec, frozen=True, kw_only=True):
     """New values of fields from `at_s` seconds of sim time on."""
 
     at_s: NonNegative
+    """Sim time of the event."""
+
     to_ros: Changes = msgspec.field(default_factory=dict)
+    """New values of impairments towards ROS, by field."""
+
     from_ros: Changes = msgspec.field(default_factory=dict)
+    """New values of impairments from ROS, by field."""
 
 
 class LinkScript(Spec, frozen=True, kw_only=True):
@@ -37,10 +42,16 @@ class LinkScript(Spec, frozen=True, kw_only=True):
     """
 
     seed: Annotated[int, Meta(ge=0)] = 0
+    """Seed of the random losses, delays and bit errors."""
+
     to_ros: Impairment = Impairment()
+    """Initial impairments of datagrams from the gateway to ROS."""
+
     from_ros: Impairment = Impairment()
+    """Initial impairments of datagrams from ROS to the gateway."""
+
     events: tuple[LinkEvent, ...] = ()
-    """In any order."""
+    """Changes during the run, in any order."""
 
     def __post_init__(self) -> None:
         ScriptPlayer(self).at(float("inf"))

@@ -32,8 +32,10 @@ class Impairment(Spec, frozen=True, kw_only=True):
     """Share of datagrams delayed by `reorder_ms`, so that later ones overtake them."""
 
     reorder_ms: Milliseconds = 5.0
+    """Delay of reordered datagrams."""
+
     delay_ms: Milliseconds = 0.0
-    """Delay."""
+    """Constant delay of each datagram."""
 
     jitter_ms: Milliseconds = 0.0
     """Maximum additional delay, uniformly distributed; keeps the order."""

@@ -12,6 +12,8 @@ class MeshFile(Spec, frozen=True, kw_only=True, tag_field="kind", tag="mesh"):
     """A mesh or scan in a file: OBJ, PLY, STL, glTF, GLB or PCD."""
 
     file: str
+    """Path of the mesh, relative to the file that names it."""
+
     scale: Positive = 1.0
     """Meters in a unit of the file: 0.001 for millimeters."""
 

@@ -3,15 +3,16 @@
 
 Generated from the types that check a resolved scenario, plus the shorter forms that files allow:
 names of other files and mounts, data sheets, terrain and mesh files. An editor finds most mistakes
-with them; `load` finds all.
+with them; `load` finds all. The docstrings of the fields become their descriptions.
 """
 
 import json
 import typing
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any, TypeAlias
 
 import msgspec
+from msgspec.inspect import Field, StructType, Type, multi_type_info
 
 from groundlink.importing.mesh_specs import MeshFile
 from groundlink.importing.terrain_specs import TerrainSpec
@@ -21,6 +22,7 @@ from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Mesh
 from groundlink.world.terrain import Terrain
 
+from .field_docs import field_descriptions, summary
 from .scatter import Scatter
 from .terrain_placement import ON_GROUND
 
@@ -31,11 +33,22 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _AT_ITS_PLACE = frozenset({"name", "topic", "frame", "mount"})
 """Fields of a sensor that only a scenario states."""
 
-_TOPICS = (r"^/[A-Za-z0-9_/]+$", r"^[A-Za-z0-9_/]+$")
-"""Patterns of topics in a resolved scenario, and in files, where the namespace is optional."""
+TOPIC_IN_FILES = r"^[A-Za-z0-9_/]+$"
+"""Pattern of topics in files, where the namespace is optional."""
+
+_TOPICS = (r"^/[A-Za-z0-9_/]+$", TOPIC_IN_FILES)
+"""Patterns of topics in a resolved scenario, and in files."""
 
 _BY_NAME = ((Scenario, "world"), (Vehicle, "model"), (Vehicle, "route"))
 """Fields whose value may be the name of a file."""
+
+RESOLVED = (Terrain, Mesh)
+"""Types that the loader makes of the first of `_IN_FILES`; people do not write them."""
+
+_IN_FILES = (TerrainSpec, MeshFile, Scatter)
+"""Types that only files have: the loader replaces them."""
+
+_ALL_TYPES = (Scenario, *_IN_FILES)
 
 
 def json_schema(kind: str) -> Schema:
@@ -57,21 +70,61 @@ def _definitions() -> dict[str, Schema]:
     )
     for owner, field in _BY_NAME:
         _also(definitions[owner.__name__]["properties"], field, {"type": "string"})
-    described, components = msgspec.json.schema_components(
-        (TerrainSpec, MeshFile, Scatter), ref_template="#/$defs/{name}"
-    )
-    for resolved, description in zip((Terrain, Mesh), described[:2], strict=True):
+    described, components = msgspec.json.schema_components(_IN_FILES, ref_template="#/$defs/{name}")
+    for resolved, description in zip(RESOLVED, described[:2], strict=True):
         _also(definitions, resolved.__name__, description)
     definitions |= components
-    definitions["Solid"]["properties"][ON_GROUND] = {"type": "boolean"}
-    definitions["World"]["properties"]["scatter"] = {"type": "array", "items": described[2]}
+    definitions["Solid"]["properties"][ON_GROUND] = {
+        "type": "boolean",
+        "description": "Whether `position_m` counts from the terrain below the solid.",
+    }
+    definitions["World"]["properties"]["scatter"] = {
+        "type": "array",
+        "items": described[2],
+        "description": "Objects placed at random over the terrain; they become `outdoors`.",
+    }
     _also(definitions, "VehicleModel", _of_urdf(definitions))
     for sensor in _names(Sensor):
         properties = definitions[sensor]["properties"]
         if "mount" in properties:
             _also(properties, "mount", {"type": "string"})
         definitions[sensor] = _with_datasheet(definitions[sensor])
+    structs = {struct.cls.__name__: struct for struct in _structs(multi_type_info(_ALL_TYPES))}
+    _describe(definitions, {name: _descriptions(struct) for name, struct in structs.items()})
     return definitions
+
+
+def _structs(part: object) -> Iterator[StructType]:
+    """Yield the structs in types, with repetitions."""
+    match part:
+        case tuple() | list():
+            for member in part:
+                yield from _structs(member)
+        case Type() | Field():
+            if isinstance(part, StructType):
+                yield part
+            for name in part.__struct_fields__:
+                yield from _structs(getattr(part, name))
+
+
+def _descriptions(struct: StructType) -> dict[str, str]:
+    """Return the description of each field of a struct, and of its tag."""
+    texts = field_descriptions(struct.cls)
+    if struct.tag_field is not None:
+        texts[struct.tag_field] = f"`{struct.tag}`: {summary(struct.cls.__doc__ or '')}"
+    return texts
+
+
+def _describe(part: Any, texts: dict[str, dict[str, str]]) -> None:
+    """Add the descriptions to the properties of all structs in a part of a schema, by title."""
+    if isinstance(part, list):
+        for member in part:
+            _describe(member, texts)
+    elif isinstance(part, dict):
+        for field, text in texts.get(part.get("title", ""), {}).items():
+            part["properties"].get(field, {}).setdefault("description", text)
+        for member in part.values():
+            _describe(member, texts)
 
 
 def _also(properties: Schema, field: str, form: Schema) -> None:
@@ -86,8 +139,17 @@ def _of_urdf(definitions: dict[str, Schema]) -> Schema:
         {key: value for key, value in definitions[name].items() if key != "required"}
         for name in ("VehicleModel", "Wheel", "Chassis")
     )
-    joints = {"type": "object", "additionalProperties": {"anyOf": [{"type": "null"}, some_wheel]}}
-    own = {"urdf": {"type": "string"}, "wheels": joints, "chassis": some_chassis}
+    joints = {
+        "type": "object",
+        "additionalProperties": {"anyOf": [{"type": "null"}, some_wheel]},
+        "description": "Joints that carry wheels, each with the fields that override the URDF.",
+    }
+    urdf = {
+        "type": "string",
+        "description": "Path of a URDF, relative to the file that names it. Its links and joints "
+        "become the model. Other fields override it.",
+    }
+    own = {"urdf": urdf, "wheels": joints, "chassis": some_chassis}
     return model | {
         "properties": model["properties"] | own,
         "required": ["urdf", "wheels", "drive"],

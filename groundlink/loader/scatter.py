@@ -45,11 +45,17 @@ class Scatter(Spec, frozen=True, kw_only=True):
     """Kind and common fields of the objects, as in `outdoors`."""
 
     count: Annotated[int, Meta(ge=0, le=2000)]
+    """Number of objects."""
+
     height_m: tuple[Positive, Positive]
+    """Smallest and largest height of an object, drawn uniformly."""
+
     low_m: Place2
     """South-west corner of the area."""
 
     high_m: Place2
+    """North-east corner of the area."""
+
     ground: tuple[str, ...]
     """Materials of the ground below the objects."""
 

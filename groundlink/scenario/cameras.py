@@ -125,9 +125,18 @@ class Optics(SensorSpec, frozen=True, kw_only=True):
     optical: ClassVar[bool] = True
 
     rate_hz: Rate = 30.0
+    """Pictures per second of sim time."""
+
     width: Annotated[int, Meta(ge=16, le=4096)] = 640
+    """Columns of the image, in pixels."""
+
     height: Annotated[int, Meta(ge=16, le=4096)] = 480
+    """Rows of the image, in pixels."""
+
     horizontal_fov_deg: FieldOfView | None = None
+    """Full angle between the left and the right edge of the image; none: follows from the vertical
+    one."""
+
     vertical_fov_deg: FieldOfView | None = None
     """Full angle between opposite edges of the image. If only one of the two fields of view is
     given, pixels are square; if neither is given, the vertical one is 60 degrees."""
@@ -141,7 +150,10 @@ class Optics(SensorSpec, frozen=True, kw_only=True):
     edges; 1 gives jagged edges."""
 
     lens: Lens = Lens()
+    """Optical errors of the lens; default: a pinhole."""
+
     imager: Imager = Imager()
+    """Exposure, noise and readout of the image sensor; default: ideal."""
 
     def __post_init__(self) -> None:
         if self.intrinsics and (self.horizontal_fov_deg or self.vertical_fov_deg):

@@ -67,6 +67,8 @@ class Mount(Spec, frozen=True):
     """Pose of a sensor on the vehicle: base_from_sensor."""
 
     xyz_m: Vector3 = (0.0, 0.0, 0.0)
+    """Position of the sensor in the base frame."""
+
     rpy_deg: Vector3 = (0.0, 0.0, 0.0)
     """Roll, pitch, yaw about the fixed axes of the base (REP 103)."""
 
@@ -114,6 +116,8 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     """Base of all sensor kinds."""
 
     name: Name
+    """Name of the sensor, unique in the vehicle. Part of its keys on the bus."""
+
     topic: RosTopic
     """ROS topic of the readings."""
 
@@ -121,11 +125,16 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     """tf frame of the readings, without the vehicle's `frame_prefix`."""
 
     mount: Mount = Mount()
+    """Pose of the sensor on the base. A file may name one of the vehicle's `mounts` instead."""
+
     push: bool = True
     """True: the gateway sends the stream to its peer without a subscription. False: it sends the
     stream to subscribers only."""
 
     repair: Repair = "none"
+    """Repair of lost datagrams between gateway and ROS. `resend` alone requests lost parts for half
+    a second."""
+
     mounted: ClassVar[bool] = True
     """Whether the static transforms contain `frame` as a mount on the vehicle."""
 
@@ -133,7 +142,7 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     """Whether `frame` is an optical frame (REP 103), in which z points along the mount's x."""
 
     datasheet: str = ""
-    """Title and source of the data sheet that the fields were taken from."""
+    """Data sheet of the device. A file gives its name; a resolved scenario has title and source."""
 
     host: Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_-]*$")] = "main"
     """Label of the machine that the sensor runs on, if containers run on several machines."""

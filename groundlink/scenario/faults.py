@@ -144,18 +144,21 @@ class TimeJump(FaultSpec, frozen=True, tag="time_jump", kw_only=True):
     """The sensor's clock is off: stamps are wrong, instants of measurement are correct."""
 
     offset_s: Annotated[float, Meta(ge=-3600, le=3600)]
+    """Offset of the stamps; positive: stamps are in the future."""
 
 
 class Delay(FaultSpec, frozen=True, tag="delay", kw_only=True):
     """Readings arrive late, in order and with correct stamps."""
 
     delay_s: Annotated[float, Meta(gt=0, le=MAX_DELAY_SECONDS)]
+    """Delay of each reading, in seconds of sim time."""
 
 
 class Drop(FaultSpec, frozen=True, tag="drop", kw_only=True):
     """Some readings are dropped at random."""
 
     share: Annotated[float, Meta(gt=0, le=1)]
+    """Probability that a reading is dropped."""
 
 
 class RateChange(FaultSpec, frozen=True, tag="rate_change", kw_only=True):

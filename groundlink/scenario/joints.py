@@ -23,7 +23,11 @@ class Joint(Spec, frozen=True, kw_only=True):
     """A servo joint; its link is `<name>_link`."""
 
     name: Name
+    """Name of the joint, unique in the vehicle."""
+
     kind: Literal["revolute", "prismatic"] = "revolute"
+    """`revolute`: turns about `axis`, positions in rad. `prismatic`: slides along `axis`, in m."""
+
     parent: Name | None = None
     """Name of an earlier joint whose link carries this joint; none: the base."""
 
@@ -31,10 +35,14 @@ class Joint(Spec, frozen=True, kw_only=True):
     """Origin of the link in the parent's frame at position zero. The axes are parallel there."""
 
     axis: Vector3 = (0.0, 0.0, 1.0)
+    """Direction of the axis in the parent's frame, of any length."""
+
     lower: float | None = None
-    """Smallest position, rad or m; none: no limit. `upper` is the largest."""
+    """Smallest position, rad or m; none: no limit."""
 
     upper: float | None = None
+    """Largest position, rad or m; none: no limit."""
+
     max_speed: Positive
     """Speed limit of the servo, rad/s or m/s."""
 

@@ -42,8 +42,14 @@ class Stream(Spec, frozen=True, kw_only=True):
     """Stream of another process, on the bus as `vehicle/name`, carried by the gateway."""
 
     name: Name
+    """Name of the stream, unique among the vehicle's sensors and streams."""
+
     kind: StreamKind
+    """Type of the messages: a kind of sensor, or a kind that no sensor publishes."""
+
     topic: RosTopic
+    """ROS topic of the stream."""
+
     rate_hz: Rate
     """Messages per second of sim time that the process publishes."""
 
@@ -52,6 +58,8 @@ class Stream(Spec, frozen=True, kw_only=True):
     stream to subscribers only."""
 
     repair: Repair = "none"
+    """Repair of lost datagrams between gateway and ROS. `resend` alone requests lost parts for half
+    a second."""
 
 
 RosType = Literal[
@@ -90,7 +98,7 @@ class FromRos(Spec, frozen=True):
     """nav_msgs/Odometry: the same estimate with velocities."""
 
     map: RosTopic | None = None
-    """nav_msgs/OccupancyGrid."""
+    """nav_msgs/OccupancyGrid: the stack's map."""
 
     joints: RosTopic | None = None
     """sensor_msgs/JointState: position commands for the vehicle's `joints`."""
@@ -138,11 +146,19 @@ class GatewaySettings(Spec, frozen=True):
     """Settings of the gateway, the UDP Bridge endpoint on the simulator's side."""
 
     bind: Address = "127.0.0.1:7510"
+    """Address on which the gateway receives datagrams."""
+
     peer: Address = "127.0.0.1:7511"
     """Address of the ROS side. All streams with `push` go there."""
 
     datagram: Literal["mtu", "loopback"] | Annotated[int, Meta(ge=256, le=65507)] = "loopback"
+    """Largest datagram, in bytes of UDP payload. `mtu`: 1,472, which fits an Ethernet frame.
+    `loopback`: parts of 65,280 bytes, for a peer on the same machine."""
+
     signed_peer: bool = False
+    """Whether the peer reads the counts of the header as signed numbers. Messages then have at most
+    127 parts instead of 255."""
+
     peers: tuple[Peer, ...] = ()
     """Hosts that the gateway accepts datagrams from, besides the peer's host. Datagrams from others
     are counted and dropped."""

@@ -26,6 +26,8 @@ class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
     rate_field: ClassVar[str] = "rotation_rate_hz"
 
     rotation_rate_hz: Rate = 10.0
+    """Revolutions per second of sim time."""
+
     firings_per_revolution: Annotated[int, Meta(ge=16, le=36000)] = 3600
     """Azimuth steps per revolution. 3600 steps at 10 Hz give a step of 0.1 degrees."""
 
@@ -77,7 +79,11 @@ class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
     return: 0.9 m for 6 ns."""
 
     min_range_m: NonNegative = 0.0
+    """Smallest range; nearer surfaces give no return."""
+
     max_range_m: Positive = 100.0
+    """Largest range; farther surfaces give no return."""
+
     full_range_reflectivity: Fraction01 = 0.0
     """Smallest reflectivity that is detected at the largest range, at normal incidence in clear
     air. The received light is proportional to reflectivity over distance squared. 0: everything

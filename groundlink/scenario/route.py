@@ -18,6 +18,8 @@ class RouteSpec(Spec, frozen=True, tag_field="kind", kw_only=True):
     """Base of all routes."""
 
     speed_mps: Positive = 0.5
+    """Speed on the route."""
+
     laps: Annotated[int, Meta(ge=1, le=1000)] = 1
     """Number of laps. Waypoints must be `closed` for more than one."""
 
@@ -30,7 +32,11 @@ class Waypoint(Spec, frozen=True):
     """A point on the floor in the world frame, at the end of a straight line."""
 
     x_m: float
+    """Position along the world's x axis (east)."""
+
     y_m: float
+    """Position along the world's y axis (north)."""
+
     speed_mps: Positive | None = None
     """Speed on the line to this point; none: the route's speed."""
 
@@ -39,6 +45,8 @@ class Waypoints(RouteSpec, frozen=True, tag="waypoints", kw_only=True):
     """Straight lines from the spawn pose to the first point, then from point to point."""
 
     points: Annotated[tuple[Waypoint, ...], Meta(min_length=1)]
+    """Points of the route, in order."""
+
     closed: bool = False
     """Continue from the last point to the first one, so that a lap ends where it began."""
 
@@ -53,27 +61,37 @@ class Circle(RouteSpec, frozen=True, tag="circle"):
     """A circle through the vehicle's position, tangent to its heading."""
 
     radius_m: Positive = 1.0
+    """Radius of the circle."""
+
     turn: Side = "left"
+    """Side to which the vehicle turns."""
 
 
 class FigureEight(RouteSpec, frozen=True, tag="figure_eight"):
     """Two circles that touch at the vehicle's position; the one on the side of `turn` is first."""
 
     radius_m: Positive = 1.0
+    """Radius of both circles."""
+
     turn: Side = "left"
+    """Side to which the vehicle turns first."""
 
 
 class Square(RouteSpec, frozen=True, tag="square"):
     """A square whose first side is ahead of the vehicle; the vehicle turns in place at corners."""
 
     side_m: Positive = 2.0
+    """Length of a side."""
+
     turn: Side = "left"
+    """Side to which the vehicle turns."""
 
 
 class ThereAndBack(RouteSpec, frozen=True, tag="there_and_back"):
     """A straight line ahead, a turn in place, and the same line back."""
 
     length_m: Positive = 2.0
+    """Length of the line."""
 
 
 Route = Waypoints | Circle | FigureEight | Square | ThereAndBack

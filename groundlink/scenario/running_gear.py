@@ -27,28 +27,43 @@ class Suspension(Spec, frozen=True):
     """Travel in each direction from the position at rest under load."""
 
     stiffness_npm: Positive = 8000.0
+    """Spring rate, N/m."""
+
     damping_nspm: Positive = 500.0
+    """Damping rate, N s/m."""
 
 
 class Wheel(Spec, frozen=True, kw_only=True):
     """A wheel; its joint is `<name>`, its link `<name>_link`."""
 
     name: Name
+    """Name of the wheel, unique in the vehicle."""
+
     center_m: Vector3
     """Center of the wheel in the base frame, with springs at rest under load."""
 
     radius_m: Positive
+    """Radius of the unloaded wheel."""
+
     width_m: Positive
+    """Width of the tread."""
+
     mass_kg: Positive
+    """Mass of the wheel."""
+
     inertia_kgm2: Positive | None = None
     """Moment of inertia about the axle; none: that of a uniform cylinder."""
 
     friction: NonNegative = 0.8
+    """Friction coefficient of the tire; multiplied by that of the ground."""
+
     axle_friction_ratio: Fraction01 = 1.0
     """Friction along the axle as a share of the friction in rolling direction. Lower values make
     skid turns easier, and let the vehicle slide sideways on a slope."""
 
     restitution: Fraction01 = 0.0
+    """Coefficient of restitution of the wheel's contacts: 0 for no bounce."""
+
     rolling_resistance: NonNegative = 0.0
     """Rolling resistance force as a share of the load."""
 
@@ -103,7 +118,11 @@ class Motor(Spec, frozen=True, kw_only=True):
     """
 
     stall_torque_nm: Positive
+    """Torque at rest and full voltage."""
+
     no_load_speed_radps: Positive
+    """Speed without load at full voltage."""
+
     latency_s: Annotated[float, Meta(ge=0, le=1)] = 0.0
     """Delay from the time of a command until the motor acts on it."""
 
@@ -112,11 +131,17 @@ class Battery(Spec, frozen=True, kw_only=True):
     """Battery of the motors. Its voltage falls with its charge and with the current."""
 
     capacity_ah: Positive
+    """Charge of the full battery."""
+
     full_v: Positive
     """Open-circuit voltage at full charge. The motor's figures apply at this voltage."""
 
     empty_v: Positive
+    """Open-circuit voltage of the empty battery."""
+
     resistance_ohm: NonNegative = 0.0
+    """Internal resistance."""
+
     idle_power_w: NonNegative = 0.0
     """Constant power of computers and sensors."""
 
@@ -135,11 +160,15 @@ class DriveSpec(Spec, frozen=True, tag_field="kind", kw_only=True):
     """Torque limit of the controller for each driven shaft, when it drives and when it brakes."""
 
     max_wheel_speed_radps: Positive
+    """Speed limit of the controller for each driven shaft."""
+
     motor: Motor | None = None
     """Motor of each driven shaft; none: an ideal motor that reaches the torque limit at any speed,
     without delay."""
 
     max_acceleration_mps2: Positive = 3.0
+    """Limit of the linear acceleration that the controller applies to the commanded velocity."""
+
     max_angular_acceleration_radps2: Positive = 6.0
     """Limit of the angular acceleration that the controller applies to the commanded velocity."""
 
@@ -259,6 +288,8 @@ class Ackermann(DriveSpec, frozen=True, tag="ackermann", kw_only=True):
     """Names of the steered wheels."""
 
     driven: Literal["rear", "front", "all"] = "rear"
+    """Driven wheels. The steered wheels are the front ones."""
+
     max_steering_deg: Annotated[float, Meta(gt=0, lt=80)] = 30.0
     """Largest steering angle in each direction: the range of each steered wheel's joint."""
 

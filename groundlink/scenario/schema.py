@@ -55,7 +55,11 @@ class Datum(Spec, frozen=True):
     """Position of the world's origin on the Earth (WGS 84); its axes point east, north and up."""
 
     latitude_deg: Annotated[float, Meta(ge=-90, le=90)]
+    """Geodetic latitude, north positive."""
+
     longitude_deg: Annotated[float, Meta(ge=-180, le=180)]
+    """Longitude, east positive."""
+
     altitude_m: float = 0.0
     """Height above the ellipsoid."""
 
@@ -68,12 +72,20 @@ class World(Spec, frozen=True, kw_only=True):
     """Static world and moving actors around the vehicles."""
 
     name: Name
+    """Name of the world."""
+
     datum: Datum | None = None
     """Geographic position of the world; none: satellites cannot be received."""
 
     materials: dict[str, Material]
+    """Materials by name. Everything in the world refers to them."""
+
     room: Room | None = None
+    """Room around the origin; none: an open world."""
+
     furniture: tuple[Furniture, ...] = ()
+    """Furniture on the floor."""
+
     outdoors: tuple[OutdoorObject, ...] = ()
     """Houses, fences, plants. Includes the objects that a file's `scatter` places."""
 
@@ -87,6 +99,8 @@ class World(Spec, frozen=True, kw_only=True):
     """Terrain; none: the only ground is that of the room and of solids."""
 
     clutter: Clutter | None = None
+    """Boxes and cans at random places in the room; none: no clutter."""
+
     checkpoints: dict[Name, tuple[float, float]] = field(default_factory=dict)
     """Positions on the floor, x and y in meters, at which errors are evaluated. The report gives
     the time at which each was passed."""
@@ -96,17 +110,23 @@ class World(Spec, frozen=True, kw_only=True):
     room."""
 
     weather: Weather = Weather()
+    """Fog, rain and dust; default: clear and dry."""
 
 
 class Placement(Spec, frozen=True):
     """Spawn place of a vehicle: its base footprint on the ground, in the world frame."""
 
     x_m: float = 0.0
+    """Position along the world's x axis (east)."""
+
     y_m: float = 0.0
+    """Position along the world's y axis (north)."""
+
     z_m: float = 0.0
     """Height above the ground: the terrain, or z = 0 without terrain."""
 
     yaw_deg: float = 0.0
+    """Heading, counterclockwise from the world's x axis."""
 
 
 class GroundTruth(Spec, frozen=True):
@@ -124,30 +144,46 @@ class GroundTruth(Spec, frozen=True):
     in the vehicle's namespace."""
 
     rate_hz: Rate = 50.0
+    """Messages per second of sim time."""
+
     push: bool = False
+    """True: the gateway sends the stream to its peer without a subscription. False: it sends the
+    stream to subscribers only."""
 
 
 class BodyPoses(Spec, frozen=True):
     """True poses of all bodies, moving and static, published by physics."""
 
     topic: RosTopic = "/ground_truth/bodies"
+    """ROS topic of the poses, tf2_msgs/TFMessage."""
+
     rate_hz: Rate = 10.0
     """Rate of the poses. It is lower than that of a vehicle's ground truth, since there may be
     hundreds of bodies and most do not move."""
 
     push: bool = False
+    """True: the gateway sends the stream to its peer without a subscription. False: it sends the
+    stream to subscribers only."""
 
 
 class Vehicle(Spec, frozen=True, kw_only=True):
     """A vehicle of a run."""
 
     name: Name
+    """Name of the vehicle, unique in the run. Part of its keys on the bus."""
+
     model: VehicleModel
+    """Bodies, wheels and drive. A file may give the name of a vehicle file instead."""
+
     placement: Placement = Placement()
+    """Spawn place; default: the world's origin."""
+
     namespace: Annotated[str, Meta(pattern=NAMESPACE)] = ""
     """Namespace of topics that do not begin with a slash: `/name` if a run has several vehicles."""
 
     command_topic: RosTopic = "/cmd_vel"
+    """ROS topic of the velocity commands."""
+
     command_type: Literal["Twist", "TwistStamped"] = "Twist"
     """geometry_msgs type that the stack publishes on that topic. Stamps are ignored: a command acts
     when it arrives."""
@@ -156,10 +192,20 @@ class Vehicle(Spec, frozen=True, kw_only=True):
     """Prefix of the vehicle's frame names: `name/` if several vehicles share a tf tree."""
 
     tf: TfTree = TfTree()
+    """Transforms that the gateway publishes, beside the sensor mounts."""
+
     sensors: tuple[Sensor, ...] = ()
+    """Sensors of the vehicle. `kind` selects the kind of each."""
+
     streams: tuple[Stream, ...] = ()
+    """Streams of other processes that the gateway carries to ROS."""
+
     ground_truth: GroundTruth = GroundTruth()
+    """Ground truth of the vehicle, for evaluation."""
+
     from_ros: FromRos = FromRos()
+    """ROS topics of the vehicle's stack that the gateway publishes on the bus."""
+
     route: Route | None = None
     """Route of the autopilot; none: the vehicle waits for commands."""
 
@@ -202,6 +248,8 @@ class Time(Spec, frozen=True):
     `zero`: 0. Default: `wall` in realtime mode, otherwise `fixed`."""
 
     clock_rate_hz: Annotated[float, Meta(gt=0, le=400)] = 100.0
+    """Messages on `/clock` per second of sim time."""
+
     window_ticks: Annotated[int, Meta(ge=8)] = 400
     """Largest lead of physics over the slowest process that it waits for. At least a period of the
     clock, since gateway and recorder report their progress with each clock message."""
@@ -261,13 +309,28 @@ class Scenario(Spec, frozen=True, kw_only=True):
     """A run: seed, world, vehicles with their sensors, and the ROS side."""
 
     name: Name
+    """Name of the run, part of its keys on the bus."""
+
     description: str = ""
+    """Description for people; the report shows it."""
+
     seed: Annotated[int, Meta(ge=0)] = 0
+    """Seed of all random numbers: noise of the sensors, clutter, scattered objects."""
+
     time: Time = Time()
+    """Clock of the run: mode, participants in lockstep, reaction to overload, epoch."""
+
     world: World
+    """World around the vehicles. A file may give the name of a world file instead."""
+
     vehicles: tuple[Vehicle, ...]
+    """Vehicles of the run, each with its sensors."""
+
     bodies: BodyPoses = BodyPoses()
+    """True poses of all bodies for evaluation, moving and static."""
+
     gateway: GatewaySettings = GatewaySettings()
+    """Settings of the gateway to ROS."""
 
     def sensor(self, name: str) -> tuple[Vehicle, SensorSpec] | None:
         """Return the vehicle and the sensor named `vehicle/sensor`, or None."""

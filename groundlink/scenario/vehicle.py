@@ -43,7 +43,11 @@ class Chassis(Spec, frozen=True, kw_only=True):
     """The sprung body: a box that collides with walls and ground."""
 
     mass_kg: Positive
+    """Mass of the body without the wheels. It includes links and belts."""
+
     size_m: Size3
+    """Full lengths of the box along x, y, z."""
+
     center_m: Vector3 = (0.0, 0.0, 0.0)
     """Center of the box in the base frame, which is its center of mass."""
 
@@ -55,6 +59,8 @@ class Chassis(Spec, frozen=True, kw_only=True):
     """Whether the box collides. If not, only the vehicle's `collisions` do."""
 
     friction: NonNegative = 0.4
+    """Coulomb friction coefficient; a contact has the product of both surfaces."""
+
     restitution: Fraction01 = 0.0
     """Coefficient of restitution of collisions."""
 
@@ -62,6 +68,8 @@ class Chassis(Spec, frozen=True, kw_only=True):
     """Share by which every velocity of all bodies of the vehicle decreases per second."""
 
     angular_damping_per_s: NonNegative = 0.0
+    """Share by which every angular velocity of all bodies of the vehicle decreases per second."""
+
     drag_area_m2: NonNegative = 0.0
     """Drag coefficient times frontal area; the drag force is proportional to the speed squared."""
 
@@ -78,11 +86,23 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
     """Model of a vehicle."""
 
     name: str
+    """Name of the model, also of the URDF that ROS receives."""
+
     base_frame: Frame = "base_link"
+    """tf frame of the base, without the vehicle's `frame_prefix`."""
+
     chassis: Chassis
+    """Sprung body of the vehicle."""
+
     suspension: Suspension
+    """Suspension of all wheels that have none of their own."""
+
     wheels: Annotated[tuple[Wheel, ...], Meta(min_length=2)]
+    """Wheels of the vehicle, road wheels and casters included."""
+
     drive: Drive
+    """Drive of the vehicle. `kind` selects it."""
+
     battery: Battery | None = None
     """Battery of the motors; none: a supply that never runs empty."""
 

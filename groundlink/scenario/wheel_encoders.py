@@ -18,6 +18,8 @@ class IncrementalEncoders(SensorSpec, frozen=True):
     """Base of all kinds that count the turns of a vehicle's wheels."""
 
     rate_hz: Rate = 50.0
+    """Messages per second of sim time."""
+
     ticks_per_revolution: Annotated[int, Meta(gt=0)] = 4096
     """Periods of the encoder per revolution of its own shaft; 6 for Hall sensors, per electrical
     revolution (one pole pair). If the next three fields are 1: counts per revolution of the

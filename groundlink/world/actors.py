@@ -27,34 +27,49 @@ class PartsForm(Spec, frozen=True, tag_field="kind", tag="parts", kw_only=True):
     """Solids given one by one; the ground is at z = 0."""
 
     parts: Annotated[tuple[Solid, ...], Meta(min_length=1, max_length=MAX_PARTS)]
-    """In the actor's frame. Physics uses the bounding boxes of meshes."""
+    """Solids in the actor's frame. Physics uses the bounding boxes of meshes."""
 
 
 class PersonForm(Spec, frozen=True, tag_field="kind", tag="person", kw_only=True):
     """A walking person facing +x, with the feet at z = 0."""
 
     height_m: Positive = 1.75
+    """Height of the person."""
+
     shirt: str
-    """Name of a material, as are `trousers` and `skin`."""
+    """Name of the material of the shirt."""
 
     trousers: str
+    """Name of the material of the trousers and shoes."""
+
     skin: str
+    """Name of the material of the head and hands."""
 
 
 class DoorForm(Spec, frozen=True, tag_field="kind", tag="door", kw_only=True):
     """A door leaf along x with its hinge at the origin and its lower edge at z = 0."""
 
     width_m: Positive = 0.9
+    """Width of the leaf, from the hinge."""
+
     height_m: Positive = 2.0
+    """Height of the leaf."""
+
     thickness_m: Positive = 0.04
+    """Thickness of the leaf."""
+
     material: str
+    """Material of the leaf."""
 
 
 class CrateForm(Spec, frozen=True, tag_field="kind", tag="crate", kw_only=True):
     """A box on z = 0, centered in x and y."""
 
     size_m: Size3 = (0.4, 0.4, 0.4)
+    """Length along x, width along y, height."""
+
     material: str
+    """Material of the box."""
 
 
 Form = PartsForm | PersonForm | DoorForm | CrateForm
@@ -64,9 +79,11 @@ class PathMotion(Spec, frozen=True, tag_field="kind", tag="along", kw_only=True)
     """Motion from point to point, back and forth, upright with x ahead, regardless of obstacles."""
 
     points_m: Annotated[tuple[Point, ...], Meta(min_length=2, max_length=1000)]
-    """x and y in the world; the actor is at the first point at time zero."""
+    """Points of the path, x and y in the world; the actor is at the first one at time zero."""
 
     speed_mps: Positive = 1.2
+    """Speed on the path."""
+
     closed: bool = False
     """Whether the path continues from the last point to the first; otherwise it reverses."""
 
@@ -77,7 +94,7 @@ class PathMotion(Spec, frozen=True, tag_field="kind", tag="along", kw_only=True)
     """Sim time of the start."""
 
     z_m: float = 0.0
-    """Above the ground: the terrain, or z = 0."""
+    """Height above the ground: the terrain, or z = 0."""
 
     def __post_init__(self) -> None:
         closing = self.points_m[:1] if self.closed else ()
@@ -112,6 +129,8 @@ class HingeMotion(Spec, frozen=True, tag_field="kind", tag="hinge", kw_only=True
     """Angle at time zero."""
 
     swings: tuple[Swing, ...] = ()
+    """Turns about the hinge, in the order of their times."""
+
     every_s: Positive | None = None
     """Period of the swings; None: they happen once."""
 
@@ -138,11 +157,16 @@ class FreeMotion(Spec, frozen=True, tag_field="kind", tag="free", kw_only=True):
     """Initial position in the world; z is above the ground."""
 
     yaw_deg: float = 0.0
+    """Initial heading, counterclockwise from the world's x axis."""
+
     mass_kg: Positive
+    """Mass of the body."""
+
     friction: NonNegative = 0.6
     """Coulomb friction coefficient; a contact has the product of both surfaces."""
 
     restitution: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    """Coefficient of restitution of contacts: 0 for no bounce."""
 
 
 Motion = PathMotion | HingeMotion | FreeMotion
@@ -152,8 +176,13 @@ class Actor(Spec, frozen=True, kw_only=True):
     """A body that moves on a script or can be pushed."""
 
     name: ActorName
+    """Name of the actor, unique in the run."""
+
     form: Form
+    """Shape of the actor. `kind` selects it."""
+
     motion: Motion
+    """Motion of the actor. `kind` selects it."""
 
     @property
     def kind(self) -> str:

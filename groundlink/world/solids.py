@@ -27,20 +27,24 @@ class Cylinder(Spec, frozen=True, tag_field="kind", tag="cylinder"):
     """A cylinder centered on the origin, its axis along z."""
 
     radius_m: Positive
+    """Radius of the cylinder."""
+
     length_m: Positive
+    """Full length along z."""
 
 
 class Sphere(Spec, frozen=True, tag_field="kind", tag="sphere"):
     """A sphere centered on the origin."""
 
     radius_m: Positive
+    """Radius of the sphere."""
 
 
 class Mesh(Spec, frozen=True, tag_field="kind", tag="mesh"):
     """A triangle surface, open or closed, with colors of its own."""
 
     asset: Digest
-    """What `mesh_asset.load_mesh` reads."""
+    """Digest of the triangles, which `mesh_asset.load_mesh` reads."""
 
     low_m: Vector3
     """Lowest corner of the box around it along its own axes."""
@@ -91,7 +95,7 @@ class Material(Spec, frozen=True):
     """Coulomb friction coefficient; a contact has the product of both surfaces."""
 
     color: tuple[Fraction01, Fraction01, Fraction01] = (0.6, 0.6, 0.6)
-    """Linear red, green, blue."""
+    """Linear red, green and blue, 0..1 each."""
 
     texture: Texture = "plain"
     """Texture pattern, multiplied with the color."""
@@ -110,11 +114,19 @@ class Solid(Spec, frozen=True):
     """A shape at a pose, in the frame of the world or of a vehicle's link."""
 
     name: str
+    """Name of the solid."""
+
     shape: Shape
+    """Shape of the solid. `kind` selects it."""
+
     material: str
+    """Name of the solid's material."""
+
     position_m: Vector3 = (0.0, 0.0, 0.0)
+    """Position of the shape's origin in the frame."""
+
     orientation: Quaternion = IDENTITY_QUATERNION
-    """Quaternion xyzw."""
+    """Rotation of the shape in the frame, as a quaternion xyzw."""
 
     drivable: bool = False
     """Whether wheels roll on the solid at any height. Wheels always roll on solids below a

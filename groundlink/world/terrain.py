@@ -59,6 +59,7 @@ class Terrain(Spec, frozen=True, kw_only=True):
     """Highest corner of that box."""
 
     materials: Annotated[tuple[str, ...], Meta(min_length=1, max_length=256)]
+    """Names of the materials, by the numbers in `surface`."""
 
 
 @dataclass(frozen=True, eq=False)

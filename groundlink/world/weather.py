@@ -12,9 +12,13 @@ class Dust(Spec, frozen=True, kw_only=True):
     """A box of dust or smoke that stands still, its sides along the world's axes."""
 
     center_m: Vector3
+    """Center of the box in the world."""
+
     size_m: Size3
+    """Full lengths of the box along x, y, z."""
+
     visibility_m: Positive
-    """Within it; see `Weather.fog_visibility_m`."""
+    """Meteorological optical range within the box, as `fog_visibility_m` of the weather."""
 
 
 class Weather(Spec, frozen=True, kw_only=True):
@@ -25,22 +29,24 @@ class Weather(Spec, frozen=True, kw_only=True):
     air."""
 
     rain_mm_per_h: NonNegative = 0.0
-    """2 is light rain, 25 a downpour."""
+    """Rate of the rain: 2 is light rain, 25 a downpour."""
 
     dust: tuple[Dust, ...] = ()
+    """Local boxes of dust or smoke."""
 
 
 class Sun(Spec, frozen=True, tag_field="kind", tag="sun"):
     """Daylight under a clear sky."""
 
     azimuth_deg: Annotated[float, Meta(ge=0, lt=360)] = 150.0
-    """Clockwise from north."""
+    """Direction of the sun, clockwise from north."""
 
     elevation_deg: Annotated[float, Meta(ge=5, le=90)] = 40.0
+    """Angle of the sun above the horizon."""
 
 
 class Lamps(Spec, frozen=True, tag_field="kind", tag="lamps"):
     """Identical round lamps that shine downwards."""
 
     at_m: Annotated[tuple[Vector3, ...], Meta(min_length=1, max_length=4)]
-    """In the world. A lamp just below a ceiling appears as a bright disc on it."""
+    """Positions in the world. A lamp just below a ceiling appears as a bright disc on it."""

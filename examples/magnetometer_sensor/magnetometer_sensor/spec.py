@@ -16,6 +16,8 @@ class Magnetometer(SensorSpec, frozen=True, tag="magnetometer"):
     quantities: ClassVar = {"field": Quantity("T", ("x", "y", "z"), "field_t")}
 
     rate_hz: Rate = 100.0
+    """Messages per second of sim time."""
+
     earth_field_t: Vector3 = (0.0, 20e-6, -45e-6)
     """Earth's field along the world's east, north and up, in tesla."""
 

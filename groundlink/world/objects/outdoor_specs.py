@@ -24,7 +24,11 @@ class PlacedObject(Spec, frozen=True, tag_field="kind", kw_only=True):
     """An object at one place."""
 
     at_m: Place2
+    """Center on the ground: x and y in the world."""
+
     yaw_deg: float = 0.0
+    """Heading, counterclockwise from the world's x axis."""
+
     z_m: float | None = None
     """Height of the ground; None: the lowest terrain below the object, or 0 without terrain."""
 
@@ -48,80 +52,130 @@ class House(PlacedObject, frozen=True, tag="house", kw_only=True):
     """Length along the ridge, width, height of the eaves."""
 
     roof_deg: Annotated[float, Meta(ge=10, le=44)] = 38.0
+    """Slope of the roof."""
+
     windows: bool = True
+    """Whether the house has windows."""
+
     door_m: tuple[Positive, Positive] = (1.1, 2.1)
-    """Width and height."""
+    """Width and height of the door."""
 
     chimney: bool = True
+    """Whether the house has a chimney."""
+
     wall_material: str = "plaster"
+    """Material of the walls."""
+
     roof_material: str = "roof_tiles"
+    """Material of the roof."""
+
     footing_material: str = "concrete"
+    """Material of the footing and of the steps."""
+
     frame_material: str = "white_paint"
+    """Material of the frames of windows and door."""
+
     door_material: str = "wood"
+    """Material of the door."""
+
     glass_material: str = "glass"
+    """Material of the window panes."""
+
     chimney_material: str = "brick"
+    """Material of the chimney."""
 
 
 class Tree(PlacedObject, frozen=True, tag="tree", kw_only=True):
     """A trunk and a crown."""
 
     species: Literal["oak", "birch", "spruce"] = "oak"
-    """Round crown, slender crown, or tiers down to the ground."""
+    """Shape of the crown. `oak`: round. `birch`: slender. `spruce`: tiers down to the ground."""
 
     height_m: Positive = 8.0
+    """Height of the tree above the ground."""
+
     bark_material: str = "bark"
+    """Material of the trunk."""
+
     leaf_material: str = "leaves"
+    """Material of the crown."""
 
 
 class Bush(PlacedObject, frozen=True, tag="bush", kw_only=True):
     """A few spheres of leaves."""
 
     height_m: Positive = 1.2
+    """Height of the bush above the ground."""
+
     leaf_material: str = "leaves"
+    """Material of the leaves."""
 
 
 class Rock(PlacedObject, frozen=True, tag="rock", kw_only=True):
     """A boulder, partly in the ground."""
 
     height_m: Positive = 0.6
+    """Height of the boulder; its other lengths are proportional."""
+
     material: str = "rock"
+    """Material of the rock."""
 
 
 class Pole(PlacedObject, frozen=True, tag="pole", kw_only=True):
     """A wooden telegraph pole with a crossarm along its y."""
 
     height_m: Positive = 7.5
+    """Height of the pole above the ground."""
+
     material: str = "wood"
+    """Material of the pole and of the crossarm."""
+
     insulator_material: str = "white_paint"
+    """Material of the insulators."""
 
 
 class Lamp(PlacedObject, frozen=True, tag="lamp", kw_only=True):
     """A street lamp with its head along +x."""
 
     height_m: Positive = 5.0
+    """Height of the post above the ground."""
+
     material: str = "metal"
+    """Material of the post."""
+
     glass_material: str = "white_paint"
+    """Material of the lamp's glass."""
 
 
 class Bale(PlacedObject, frozen=True, tag="bale", kw_only=True):
     """A round bale of hay on its side, its axis along y."""
 
     radius_m: Positive = 0.7
+    """Radius of the bale."""
+
     length_m: Positive = 1.2
+    """Length of the bale along its axis."""
+
     material: str = "hay"
+    """Material of the bale."""
 
 
 class Crate(PlacedObject, frozen=True, tag="crate", kw_only=True):
     """A wooden crate with battens along its edges."""
 
     size_m: Size3 = (1.0, 0.8, 0.7)
+    """Length along x, width along y, height."""
+
     material: str = "wood"
+    """Material of the crate."""
 
 
 class Fence(Spec, frozen=True, tag_field="kind", tag="fence", kw_only=True):
     """Posts along a line, with round rails that follow the ground."""
 
     points_m: Annotated[tuple[Place2, ...], Meta(min_length=2)]
+    """Corners of the line: x and y in the world."""
+
     ground_m: tuple[float, ...] | None = None
     """Height of the ground at each post; None: from the terrain, or 0 without terrain."""
 
@@ -129,8 +183,13 @@ class Fence(Spec, frozen=True, tag_field="kind", tag="fence", kw_only=True):
     """Largest distance between posts."""
 
     height_m: Positive = 1.2
+    """Height of the posts above the ground."""
+
     rails: Annotated[int, Meta(ge=1, le=5)] = 2
+    """Number of rails, one above the other."""
+
     material: str = "wood"
+    """Material of the posts and rails."""
 
     def feet(self) -> list[Place2]:
         """Return the positions of the posts."""

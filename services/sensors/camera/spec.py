@@ -12,10 +12,13 @@ class Camera(Optics, frozen=True, tag="camera", kw_only=True):
     """A color or grayscale camera; `topic` is its image topic as named by image_transport."""
 
     encoding: Literal["rgb8", "bgr8", "mono8", "bayer_rggb8"] = "rgb8"
+    """Pixel format, as in sensor_msgs/Image."""
+
     publish: Publish = "compressed"
     """`compressed`: JPEG under `<topic>/compressed`. `raw`: pixels under `topic`. `both`: both."""
 
     jpeg_quality: JpegQuality = 80
+    """Quality of the JPEG; higher values give larger messages with fewer artifacts."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -22,10 +22,13 @@ class ColorStream(Spec, frozen=True, kw_only=True):
     """Color stream of a depth camera, registered to depth: same pinhole, pixel for pixel."""
 
     topic: RosTopic
+    """ROS topic of the color image."""
+
     publish: Publish = "compressed"
     """`compressed`: JPEG under `<topic>/compressed`. `raw`: rgb8 under `topic`. `both`: both."""
 
     jpeg_quality: JpegQuality = 80
+    """Quality of the JPEG; higher values give larger messages with fewer artifacts."""
 
 
 class DepthCamera(Optics, frozen=True, tag="depth_camera", kw_only=True):
@@ -39,7 +42,11 @@ class DepthCamera(Optics, frozen=True, tag="depth_camera", kw_only=True):
     of image_transport. `both`: both."""
 
     min_range_m: NonNegative = 0.0
+    """Smallest depth. Nearer surfaces have none: 0 in 16UC1, minus infinity in 32FC1."""
+
     max_range_m: Positive = 10.0
+    """Largest depth. Farther surfaces have none: 0 in 16UC1, plus infinity in 32FC1."""
+
     baseline_m: NonNegative = 0.0
     """Distance between the two imagers that measure depth, the second one to the right. A point
     that only one of them sees has no depth. 0 for a device without the errors of a stereo pair."""
@@ -52,6 +59,8 @@ class DepthCamera(Optics, frozen=True, tag="depth_camera", kw_only=True):
     """Pixels within this distance of a disparity jump of more than a pixel have no depth."""
 
     color: ColorStream | None = None
+    """Color stream beside the depth; none: no color."""
+
     points_topic: RosTopic | None = None
     """Topic of the depth as a point cloud; none: no point cloud."""
 

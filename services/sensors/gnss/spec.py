@@ -38,6 +38,8 @@ class Gnss(SensorSpec, frozen=True, tag="gnss"):
 
     quantities: ClassVar = {"position": Quantity("m", ("east", "north", "up"))}
     rate_hz: Annotated[float, Meta(gt=0, le=20)] = 5.0
+    """Fixes per second of sim time."""
+
     solution: Literal["single_point", "sbas", "rtk_float", "rtk_fix"] = "single_point"
     """Type of solution, which determines NavSatFix.status and the quality in GGA."""
 
@@ -45,6 +47,8 @@ class Gnss(SensorSpec, frozen=True, tag="gnss"):
     """Errors of the east and north position, each."""
 
     vertical: PositionNoise = PositionNoise()
+    """Errors of the altitude."""
+
     drift_time_s: Annotated[float, Meta(ge=1)] = 60.0
     """Correlation time of the drift: its autocorrelation falls to 1/e."""
 

@@ -98,6 +98,8 @@ class InertialUnit(SensorSpec, frozen=True, tag="imu"):
         "angular_velocity": Quantity("rad/s", ("x", "y", "z"), "angular_velocity_radps"),
     }
     rate_hz: Rate = 400.0
+    """Samples per second of sim time."""
+
     accelerometer: InertialNoise = InertialNoise()
     """Errors of the accelerometer, in m/s^2."""
 
@@ -105,6 +107,8 @@ class InertialUnit(SensorSpec, frozen=True, tag="imu"):
     """Errors of the gyroscope, in rad/s."""
 
     orientation_stddev_deg: NonNegative = 0.0
+    """White noise of the orientation about each axis, 1 sigma."""
+
     noise_source: Literal["marsaglia", "numpy"] = "marsaglia"
     """Generator of normally distributed numbers: Marsaglia's polar method as in the paper, or
     numpy's ziggurat."""

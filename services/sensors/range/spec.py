@@ -16,7 +16,11 @@ class RangeFinder(SensorSpec, frozen=True, tag="range", kw_only=True):
 
     quantities: ClassVar = {"range": Quantity("m")}
     rate_hz: Rate = 20.0
+    """Measurements per second of sim time."""
+
     radiation: Literal["ultrasound", "infrared"]
+    """Type of radiation, as in sensor_msgs/Range."""
+
     field_of_view_deg: Annotated[float, Meta(gt=0, le=120)]
     """Full angle of the detection cone about x."""
 
@@ -31,7 +35,11 @@ class RangeFinder(SensorSpec, frozen=True, tag="range", kw_only=True):
     """Surfaces with a larger angle between ray and normal return nothing."""
 
     min_range_m: NonNegative = 0.0
+    """Smallest distance. Nearer objects are reported as minus infinity (REP 117)."""
+
     max_range_m: Positive
+    """Largest distance. If nothing is nearer, infinity is reported (REP 117)."""
+
     full_range_reflectivity: Fraction01 = 0.0
     """Reflectivity of a surface that is detected up to the maximum range. A surface with a quarter
     of it is detected up to half the range. 0 disables the limit."""

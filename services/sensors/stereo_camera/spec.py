@@ -16,15 +16,20 @@ class StereoCamera(Optics, frozen=True, tag="stereo_camera", kw_only=True):
     """
 
     right_topic: RosTopic
+    """Image topic of the right camera."""
+
     baseline_m: Positive
     """Distance from the left camera to the right one."""
 
     encoding: Literal["rgb8", "bgr8", "mono8"] = "rgb8"
+    """Pixel format of both cameras, as in sensor_msgs/Image."""
+
     publish: Publish = "raw"
     """`compressed`: JPEG under `<topic>/compressed`. `raw`: pixels under `topic`. `both`: both. For
     each of the two cameras."""
 
     jpeg_quality: JpegQuality = 80
+    """Quality of the JPEG; higher values give larger messages with fewer artifacts."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -25,6 +25,8 @@ class WheelOdometry(SensorSpec, frozen=True, tag="wheel_odometry", kw_only=True)
     """Name of the vehicle's sensor of kind `encoders` whose counters are used."""
 
     rate_hz: Rate = 50.0
+    """Messages per second of sim time."""
+
     track_multiplier: Positive | None = None
     """Effective over geometric track width, as configured in the controller; none: the value of the
     drive, 1 for a car."""

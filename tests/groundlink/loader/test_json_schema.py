@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The schemas that editors get agree with what is shipped and with what `load` refuses."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,38 @@ def mistakes(kind: str, value: Any) -> list[str]:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_schema_is_one(kind: str) -> None:
     jsonschema.Draft202012Validator.check_schema(json_schema(kind))
+
+
+def properties(part: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield all properties of a schema with their paths."""
+    members = part.items() if isinstance(part, dict) else enumerate(part)
+    for key, member in members:
+        if key == "properties":
+            yield from ((f"{path}/{name}", node) for name, node in member.items())
+        if isinstance(member, dict | list):
+            yield from properties(member, f"{path}/{key}")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_property_has_a_description(kind: str) -> None:
+    found = list(properties(json_schema(kind)))
+    assert len(found) > 1000
+    assert [path for path, node in found if not node.get("description", "").strip()] == []
+
+
+@pytest.mark.parametrize(
+    ("struct", "field", "text"),
+    [
+        ("Time", "clock_rate_hz", "Messages on `/clock` per second of sim time."),
+        ("Lidar", "dropout", "Share of returns that are dropped at random."),
+        ("LidarSheet", "dropout", "Share of returns that are dropped at random."),
+        ("Lidar", "kind", "`lidar`: A spinning 3D LiDAR."),
+        ("Vehicle", "route", "Route of the autopilot; none: the vehicle waits for commands."),
+    ],
+)
+def test_a_description_is_the_docstring_of_the_field(struct: str, field: str, text: str) -> None:
+    definition = json_schema("scenario")["$defs"][struct]
+    assert definition["properties"][field]["description"] == text
 
 
 @pytest.mark.parametrize(("kind", "file"), FILES, ids=lambda given: getattr(given, "stem", given))
