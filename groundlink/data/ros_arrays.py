@@ -16,23 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundlink.core.errors import RequirementError
+from groundlink.ros.pixels import ENCODINGS, pixels
 from groundlink.ros.types import nanos
 
 _POINT_FIELD_TYPES = ("", "i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8")
 """numpy's type for each `datatype` of sensor_msgs/PointField."""
-
-_ENCODINGS: dict[str, tuple[int, str]] = {
-    "rgb8": (3, "u1"),
-    "bgr8": (3, "u1"),
-    "rgba8": (4, "u1"),
-    "bgra8": (4, "u1"),
-    "mono8": (1, "u1"),
-    "8UC1": (1, "u1"),
-    "mono16": (1, "u2"),
-    "16UC1": (1, "u2"),
-    "32FC1": (1, "f4"),
-}
-"""Channels of a pixel and numpy's type of a channel, by encoding."""
 
 
 def row(message: Any, prefix: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
@@ -103,11 +91,8 @@ def _points(cloud: Any) -> NDArray[np.void]:
 
 
 def _image(image: Any) -> NDArray[Any]:
-    channels, number = _ENCODINGS[image.encoding]
-    kind = np.dtype(number).newbyteorder(">" if image.is_bigendian else "<")
-    rows = np.frombuffer(image.data, np.uint8).reshape(image.height, image.step)
-    used = rows[:, : image.width * channels * kind.itemsize].view(kind)
-    return used.reshape(image.height, image.width, channels) if channels > 1 else used
+    size = (image.height, image.width, image.step)
+    return pixels(ENCODINGS[image.encoding], image.data, *size, big=bool(image.is_bigendian))
 
 
 def _compressed_image(image: Any) -> NDArray[Any]:

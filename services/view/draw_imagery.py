@@ -8,40 +8,23 @@ to the optical frame; the image then also appears in the 3D view.
 import io
 import math
 import struct
-from typing import Any, Literal
 
 import numpy as np
 import PIL.Image
 import rerun as rr
-from numpy.typing import NDArray
 
 from groundlink.messages.base import floats
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
+from groundlink.ros.pixels import ENCODINGS, pixels
 
 from .colors import RAINBOW
 from .drawing import Drawing, Track
 from .point_placement import points_in_world
 
-ColorModel = Literal["RGB", "BGR", "RGBA", "BGRA", "L"]
-
 IMAGE_PLANE_M = 0.6
 """Distance of an image in front of its camera in the 3D view."""
 
 SCAN_COLOR = (255, 90, 90)
-
-_COLORS: dict[str, tuple[ColorModel, type[np.unsignedinteger[Any]]]] = {
-    "rgb8": ("RGB", np.uint8),
-    "bgr8": ("BGR", np.uint8),
-    "rgba8": ("RGBA", np.uint8),
-    "bgra8": ("BGRA", np.uint8),
-    "mono8": ("L", np.uint8),
-    "8UC1": ("L", np.uint8),
-    "mono16": ("L", np.uint16),
-}
-"""Rerun's color model and the type of a channel, by the encoding's name."""
-
-_DEPTHS: dict[str, tuple[Any, float]] = {"32FC1": (np.float32, 1.0), "16UC1": (np.uint16, 1000.0)}
-"""Type of a pixel, and its value for one meter (REP 118)."""
 
 _DEPTH_HEADER = struct.Struct("<iff")
 """Header of compressed_depth_image_transport before the PNG: format, A and B."""
@@ -49,24 +32,16 @@ _DEPTH_HEADER = struct.Struct("<iff")
 
 def image(drawing: Drawing, track: Track, path: str, message: Image) -> None:
     """Show an image or, by its encoding, a depth image."""
-    if message.encoding in _DEPTHS:
-        dtype, meter = _DEPTHS[message.encoding]
-        depth = rr.DepthImage(_pixels(message, 1, dtype), meter=meter, point_fill_ratio=0.4)
-        _show(drawing, path, message, depth)
-    elif message.encoding in _COLORS:
-        model, dtype = _COLORS[message.encoding]
-        pixels = _pixels(message, len(model), dtype)
-        _show(drawing, path, message, rr.Image(pixels, color_model=model))
-    else:
+    if (encoding := ENCODINGS.get(message.encoding)) is None:
         drawing.not_drawn += 1
-
-
-def _pixels(message: Image, channels: int, dtype: Any) -> NDArray[Any]:
-    """Return the pixels as an array of height, width (and channels), without a row's padding."""
-    rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.row_bytes)
-    used = message.width * channels * np.dtype(dtype).itemsize
-    pixels: NDArray[Any] = np.ascontiguousarray(rows[:, :used]).view(dtype)
-    return pixels.reshape(message.height, message.width, channels) if channels > 1 else pixels
+        return
+    array = pixels(encoding, message.data, message.height, message.width, message.row_bytes)
+    drawn = (
+        rr.DepthImage(array, meter=encoding.meter, point_fill_ratio=0.4)
+        if encoding.meter
+        else rr.Image(array, color_model=encoding.channels)
+    )
+    _show(drawing, path, message, drawn)
 
 
 def compressed_image(drawing: Drawing, track: Track, path: str, message: CompressedImage) -> None:

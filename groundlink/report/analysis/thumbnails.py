@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from groundlink.ros.pixels import ENCODINGS, pixels
+
 IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 
 SHOWN = 6
@@ -22,17 +24,6 @@ MAX_COMPRESSED_BYTES = 400_000
 """Maximum size of a compressed picture in the page."""
 
 _MAGIC = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG": "image/png"}
-
-_COLORS = {
-    "rgb8": (3, [0, 1, 2]),
-    "bgr8": (3, [2, 1, 0]),
-    "rgba8": (4, [0, 1, 2]),
-    "bgra8": (4, [2, 1, 0]),
-    "mono8": (1, [0, 0, 0]),
-}
-"""Channels of a pixel, and the indices of red, green and blue."""
-
-_DEPTHS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 
 
 @dataclass
@@ -68,29 +59,24 @@ def data_uri(message: Any) -> str | None:
         data = bytes(message.data)
         kind = next((kind for magic, kind in _MAGIC.items() if data.startswith(magic)), None)
         return _uri(kind, data) if kind and len(data) <= MAX_COMPRESSED_BYTES else None
-    pixels = _pixels(message)
-    return None if pixels is None else png_uri(pixels)
+    shown = _thumbnail(message)
+    return None if shown is None else png_uri(shown)
 
 
-def _pixels(message: Any) -> NDArray[np.uint8] | None:
+def _thumbnail(message: Any) -> NDArray[np.uint8] | None:
     """Return an Image as red, green, blue, shape (height, width, 3), thinned to `WIDTH_PX`."""
     height, width, step = message.height, message.width, message.step
-    if not height or not width:
+    encoding = ENCODINGS.get(message.encoding)
+    if encoding is None or not height or not width or len(message.data) < height * step:
         return None
-    rows = np.asarray(message.data, np.uint8)
-    if rows.size < height * step:
-        return None
-    rows = rows[: height * step].reshape(height, step)
     thin = max(-(-width // WIDTH_PX), 1)
-    if message.encoding in _COLORS:
-        channels, order = _COLORS[message.encoding]
-        image = rows[:, : width * channels].reshape(height, width, channels)
-        return np.ascontiguousarray(image[::thin, ::thin][:, :, order])
-    if message.encoding in _DEPTHS:
-        dtype = np.dtype((">" if message.is_bigendian else "<") + _DEPTHS[message.encoding])
-        depth = rows[:, : width * dtype.itemsize].copy().view(dtype)[::thin, ::thin]
-        return _gray(depth.astype(np.float64))
-    return None
+    big = bool(message.is_bigendian)
+    image = pixels(encoding, message.data, height, width, step, big=big)[::thin, ::thin]
+    if image.dtype.itemsize > 1:
+        return _gray(image.astype(np.float64))
+    if image.ndim == 2:
+        return np.repeat(image[:, :, None], 3, axis=2)
+    return np.ascontiguousarray(image[:, :, [encoding.channels.index(color) for color in "RGB"]])
 
 
 def _gray(values: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -38,6 +38,7 @@ ORANGE = (250, 120, 10)
         ("rgba8", (*ORANGE, 255), ORANGE),
         ("bgra8", (*ORANGE[::-1], 0), ORANGE),
         ("mono8", (77,), (77, 77, 77)),
+        ("8UC1", (77,), (77, 77, 77)),
     ],
 )
 def test_colors_are_in_their_order(
