@@ -43,13 +43,7 @@ def _of_sensor(
 ) -> BusTopic:
     """Return the row of the main stream of a kind of sensor."""
     return BusTopic(
-        name=name,
-        key="{vehicle}/{sensor}",
-        message=message,
-        publisher=f"sensors.{name}",
-        rate=rate,
-        delivery=Delivery.ALL,
-        bulky=bulky,
+        name, "{vehicle}/{sensor}", message, f"sensors.{name}", rate, Delivery.ALL, bulky
     )
 
 
@@ -72,50 +66,25 @@ WHEEL_COMMAND, JOINT_COMMAND = _beside(
     COMMAND, {"wheels": WheelCommand, "joints": JointState}
 ).values()
 FAULTS = BusTopic(
-    name="faults",
-    key="faults/{process}",
-    message=Faults,
-    publisher="every sensor",
-    rate="when one begins or ends",
-    delivery=Delivery.ALL,
+    "faults", "faults/{process}", Faults, "every sensor", "when one begins or ends", Delivery.ALL
 )
-MISSING_READINGS = replace(
-    FAULTS,
-    name="gaps",
-    key="gaps/{process}",
-    message=MissingReadings,
-    rate="when readings are missing",
+MISSING_READINGS = BusTopic(
+    *("gaps", "gaps/{process}", MissingReadings, "every sensor"),
+    *("when readings are missing", Delivery.ALL),
 )
 GROUND_TRUTH = BusTopic(
-    name="ground_truth",
-    key="{vehicle}/ground_truth",
-    message=Odometry,
-    publisher="physics",
-    rate="ground_truth.rate_hz",
-    delivery=Delivery.NEWEST,
+    *("ground_truth", "{vehicle}/ground_truth", Odometry, PHYSICS),
+    *("ground_truth.rate_hz", Delivery.NEWEST),
 )
 TRUE_WHEELS, JOINTS = _beside(GROUND_TRUTH, {"wheels": JointState, "joints": JointState}).values()
-BODIES = replace(STATE, name="bodies", key="bodies", message=Bodies, rate="bodies.rate_hz")
-VITALS = BusTopic(
-    name="vitals",
-    key="{vehicle}/vitals",
-    message=Vitals,
-    publisher="physics",
-    rate=f"{VITALS_HZ} Hz",
-    delivery=Delivery.NEWEST,
-)
+BODIES = BusTopic("bodies", "bodies", Bodies, PHYSICS, "bodies.rate_hz", Delivery.NEWEST)
+VITALS = BusTopic("vitals", "{vehicle}/vitals", Vitals, PHYSICS, f"{VITALS_HZ} Hz", Delivery.NEWEST)
 
 
 def _from_ros(name: str, message: type[BusMessage]) -> BusTopic:
     """Return the row of a topic that comes from a vehicle's stack by ROS."""
-    return BusTopic(
-        name=f"from_ros.{name}",
-        key=f"{{vehicle}}/from_ros/{name}",
-        message=message,
-        publisher="gateway",
-        rate="as ROS sends",
-        delivery=Delivery.ALL,
-    )
+    key = f"{{vehicle}}/from_ros/{name}"
+    return BusTopic(f"from_ros.{name}", key, message, GATEWAY, "as ROS sends", Delivery.ALL)
 
 
 FROM_ROS = {
