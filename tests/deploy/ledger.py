@@ -12,7 +12,6 @@ import time
 from collections import Counter
 from collections.abc import Iterable
 from itertools import pairwise
-from types import TracebackType
 from typing import Any, NamedTuple
 
 from groundlink.bus.core_topics import CLOCK, GATEWAY, HEALTH
@@ -99,12 +98,7 @@ class Ledger:
     def __enter__(self) -> "Ledger":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._bus.close()
 
     def put(self, key: str, payload: bytes, message_type: type[BusMessage]) -> None:

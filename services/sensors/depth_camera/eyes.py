@@ -5,10 +5,8 @@ Both sources see the same world through the same lens, in the middle of the expo
 yields no color.
 """
 
-from __future__ import annotations
-
 import sys
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +21,6 @@ from services.sensors.rendering.gl.pinhole import NEAR_M, Pinhole
 from services.sensors.rendering.optics.distortion import lens_pinhole, slopes
 
 from .spec import DepthCamera
-
-if TYPE_CHECKING:
-    from services.sensors.rendering.gl.target import Layer
 
 FAR_M = 1e5
 """Distance beyond the far end of any world."""
@@ -63,7 +58,9 @@ class DrawnEye:
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: DepthCamera) -> None:
         open_context().release()  # fails with the reason if OpenGL is unavailable
-        from services.sensors.rendering.cameras.camera_eye import CameraEye  # needs moderngl
+        # These need moderngl.
+        from services.sensors.rendering.cameras.camera_eye import CameraEye
+        from services.sensors.rendering.gl.target import Layer
 
         self._is_colored = bool(spec.color or spec.points_topic)
         layers: tuple[Layer, ...] = ("color", "depth") if self._is_colored else ("depth",)
