@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The bus over real Zenoh: one router, clients, everything on this host's loopback."""
 
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 from groundlink.bus.core_topics import Delivery
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus, BusError
+from groundlink.bus.zenoh_config import ROUTER_WAIT_SECONDS
 from groundlink.messages.base import POINT, BusMessage, Clock, PointCloud, packed
 
 KEY = "groundlink/test/thing"
@@ -90,6 +92,38 @@ def test_a_large_cloud_arrives_byte_for_byte(endpoint: str) -> None:
         message = inbox.get(seconds=1)
         assert message is not None
         assert bytes(message[1].points) == points.tobytes()
+
+
+def test_a_router_waits_for_no_observer(endpoint: str) -> None:
+    """An observer that handles no message stops neither the sender nor another receiver."""
+    reached, released = threading.Event(), threading.Event()
+
+    def block(_: bytes) -> None:
+        reached.set()
+        released.wait(30)
+
+    with (
+        Bus(connect=endpoint, observer=True) as observer,
+        Bus(connect=endpoint) as sender,
+        Bus(connect=endpoint) as receiver,
+    ):
+        inbox: BusInbox[PointCloud] = BusInbox(depth=1000)
+        observer.subscribe_bytes(KEY, block)
+        receiver.subscribe(KEY, PointCloud, inbox)
+        publish = sender.publisher(KEY, Delivery.ALL, bulky=True)
+        publish_until_heard(publish, PointCloud(-1, "", packed(np.zeros(1, POINT))), inbox)
+        wait_for(reached.is_set)
+        begin = time.monotonic()
+        for number in range(600):  # more than queues and sockets hold
+            publish(PointCloud(number, "", packed(np.zeros(5_000, POINT))))
+        newest = -1
+        while newest < 599:
+            arrived = inbox.get(seconds=10)
+            assert arrived is not None
+            newest = arrived[1].stamp_nanos
+        seconds = time.monotonic() - begin
+        released.set()
+    assert seconds < ROUTER_WAIT_SECONDS
 
 
 def test_queries_are_answered_in_order_and_with_parameters(endpoint: str) -> None:
