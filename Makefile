@@ -66,7 +66,7 @@ experiments: setup ## run the experiments of the paper with third-party SLAM pro
 	@$(BIN)/python -m experiments $(if $(SHORT),--short) $(NAMES)
 
 docs: setup ## build the documentation site in site/; fail at a broken link, anchor or picture
-	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo "site/index.html; with search: $(BIN)/python -m http.server --directory site"
 
 clean: ## remove the environment and all caches
