@@ -16,7 +16,7 @@ from packaging.requirements import Requirement
 
 REPOSITORY = Path(__file__).parents[1]
 
-EXTRAS = ("physics", "sensors", "camera", "gateway", "record", "view", "report", "secure")
+EXTRAS = ("physics", "sensors", "camera", "gateway", "record", "export", "view", "report", "secure")
 
 OTHER_EXTRAS = {"ros2", "benchmarks", "experiments", "docs", "dev"}
 """For a checkout, or of other programs."""
@@ -37,6 +37,7 @@ COMMANDS: dict[str, str | None] = {
     "snapshot indoor_lab rover/nothing": None,
     "replay nowhere.mcap": "record",
     "convert nowhere.mcap run.bag": "record",
+    "export nowhere.mcap --out run": "export",
     "verify nowhere.mcap indoor_lab": "record",
     "report nowhere.mcap": "report",
     "secure indoor_lab credentials": "secure",

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recorded run as arrays: `groundlink.open("run.mcap")`."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import RequirementError, UserError
+from groundlink.core.frames import IDENTITY_QUATERNION
 from groundlink.recording.metadata import TopicFacts
 from groundlink.recording.reader import Recording
 from groundlink.ros.streams import mounts
@@ -18,15 +20,11 @@ from groundlink.ros.types import STORE
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Vehicle
 
-from .ros_arrays import components, content, row
+from .ros_arrays import POSES, columns, content, row, table
 from .trajectory import Trajectory
 
-_POSES = {
-    "nav_msgs/msg/Odometry": "pose.pose",
-    "geometry_msgs/msg/PoseStamped": "pose",
-    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose",
-}
-"""Field of the pose by ROS type."""
+_BATCH = 1000
+"""Messages that become records at once: as records they take a tenth of the memory."""
 
 
 class Dataset:
@@ -42,7 +40,8 @@ class Dataset:
     """
 
     def __init__(self, path: str | Path) -> None:
-        self._recording = Recording(Path(path))
+        self.path = Path(path)
+        self._recording = Recording(self.path)
 
     def __enter__(self) -> "Dataset":
         return self
@@ -51,7 +50,7 @@ class Dataset:
         self.close()
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self._recording.path}: {len(self.topics)} topics>"
+        return f"<{type(self).__name__} {self.path}: {len(self.topics)} topics>"
 
     def close(self) -> None:
         """Close the file."""
@@ -82,15 +81,34 @@ class Dataset:
         UserError
             when the recording lacks the topic or is damaged.
         """
-        if topic not in self._recording.types:
-            known = ", ".join(sorted(self._recording.types))
-            raise UserError(f"{self._recording.path}: no topic `{topic}`; expected one of {known}")
-        begin = None if start_s is None else self.start_nanos + round(start_s * NANOS)
-        end = None if end_s is None else self.start_nanos + round(end_s * NANOS)
-        for recorded in self._recording.read([topic], from_nanos=begin):
+        for _, nanos, message in self.interleaved([topic], start_s=start_s, end_s=end_s):
+            yield nanos, message
+
+    def interleaved(
+        self,
+        topics: Iterable[str],
+        *,
+        start_s: float | None = None,
+        end_s: float | None = None,
+    ) -> Iterator[tuple[str, int, Any]]:
+        """Yield topic, time and message of several topics in order of time, as `messages` does.
+
+        This reads the file once, and is therefore faster than `messages` of each topic.
+
+        Raises
+        ------
+        UserError
+            when the recording lacks a topic or is damaged.
+        """
+        chosen = list(topics)
+        for topic in chosen:
+            self.ros_type(topic)
+        begin, end = self._nanos(start_s), self._nanos(end_s)
+        for recorded in self._recording.read(chosen, from_nanos=begin):
             if end is not None and recorded.nanos >= end:
                 return
-            yield recorded.nanos, STORE.deserialize_cdr(recorded.cdr, recorded.ros_type)
+            message = STORE.deserialize_cdr(recorded.cdr, recorded.ros_type)
+            yield recorded.topic, recorded.nanos, message
 
     def contents(
         self, topic: str, *, start_s: float | None = None, end_s: float | None = None
@@ -98,7 +116,8 @@ class Dataset:
         """Yield stamp and array of each point cloud or image of a topic.
 
         Clouds are structured arrays, shape (N,), with the fields of the cloud; images have the
-        shape (height, width) or (height, width, channels).
+        shape (height, width) or (height, width, channels), with channels in the order red, green,
+        blue, alpha.
 
         Raises
         ------
@@ -132,14 +151,15 @@ class Dataset:
         UserError
             when messages differ in the length of a list, or have one content each (clouds, images).
         """
-        return self._table(topic, start_s, end_s)[0]
+        return self._records(topic, start_s, end_s)[0]
 
     def dataframe(
         self, topic: str, *, start_s: float | None = None, end_s: float | None = None
     ) -> Any:
         """Return `array` as a pandas.DataFrame with a column for each component.
 
-        Columns of vectors are named like `linear_acceleration.x`; those of lists have a number.
+        Columns of vectors are named like `linear_acceleration.x`, those of lists like
+        `position.wheel` where the message names the elements, else like `ranges.0`.
 
         Raises
         ------
@@ -152,16 +172,7 @@ class Dataset:
             raise RequirementError(
                 "data frames need the Python package `pandas`. Fix: pip install pandas"
             ) from None
-        table, sample = self._table(topic, start_s, end_s)
-        columns: dict[str, NDArray[Any]] = {}
-        for name in table.dtype.names or ():
-            if table[name].ndim == 1:
-                columns[name] = table[name]
-                continue
-            flat = table[name].reshape(len(table), -1)
-            for i, part in enumerate(components(sample, name)):
-                columns[f"{name}.{part}"] = flat[:, i]
-        return pandas.DataFrame(columns)
+        return pandas.DataFrame(columns(*self._records(topic, start_s, end_s)))
 
     def poses(
         self, topic: str, *, start_s: float | None = None, end_s: float | None = None
@@ -173,13 +184,13 @@ class Dataset:
         UserError
             when the topic has another type or no messages.
         """
-        ros_type = self._recording.types.get(topic, "")
-        table = self.array(topic, start_s=start_s, end_s=end_s)
-        if ros_type not in _POSES:
-            raise UserError(f"{topic} has {ros_type}; expected poses: {', '.join(sorted(_POSES))}")
-        field = _POSES[ros_type]
+        ros_type = self.ros_type(topic)
+        if ros_type not in POSES:
+            raise UserError(f"{topic} has {ros_type}; expected poses: {', '.join(sorted(POSES))}")
+        records = self.array(topic, start_s=start_s, end_s=end_s)
+        field = POSES[ros_type]
         return Trajectory(
-            table["stamp"] / NANOS, table[f"{field}.position"], table[f"{field}.orientation"]
+            records["stamp"] / NANOS, records[f"{field}.position"], records[f"{field}.orientation"]
         )
 
     def truth(self, vehicle: str | None = None, frame: str | None = None) -> Trajectory:
@@ -199,16 +210,69 @@ class Dataset:
         UserError
             when the run has no such vehicle or frame.
         """
-        chosen = self._vehicle(vehicle)
-        base = self._base(chosen.name)
-        frames = {mount.child: mount for mount in mounts(chosen, 0)}
-        if frame is None or frame == chosen.model.base_frame:
+        chosen = self._vehicle(vehicle).name
+        base = self._base(chosen)
+        if frame is None or frame == self._vehicle(chosen).model.base_frame:
             return base
-        if frame not in frames:
-            known = ", ".join(sorted({chosen.model.base_frame, *frames}))
-            raise UserError(f"{chosen.name}: no frame `{frame}`; expected one of {known}")
-        mount = frames[frame]
-        return base.seen_from((*mount.translation_m, *mount.rotation))
+        return base.seen_from(self.mount(chosen, frame))
+
+    def truth_topic(self, vehicle: str) -> str:
+        """Return the topic of a vehicle's true poses."""
+        return self.scenario.ground_truth_topic(self._vehicle(vehicle))
+
+    @property
+    def frames(self) -> dict[str, list[str]]:
+        """The frames of each vehicle, without its frame prefix: its base, then its sensors'."""
+        return {
+            vehicle.name: [vehicle.model.base_frame, *(m.child for m in mounts(vehicle, 0))]
+            for vehicle in self.scenario.vehicles
+        }
+
+    def mount(self, vehicle: str, frame: str) -> tuple[float, ...]:
+        """Return base_from_frame of a vehicle: x, y, z, qx, qy, qz, qw.
+
+        Raises
+        ------
+        UserError
+            when the run has no such vehicle or frame.
+        """
+        chosen = self._vehicle(vehicle)
+        if frame == chosen.model.base_frame:
+            return (0.0, 0.0, 0.0, *IDENTITY_QUATERNION)
+        for mount in mounts(chosen, 0):
+            if mount.child == frame:
+                return (*mount.translation_m, *mount.rotation)
+        known = ", ".join(sorted(self.frames[vehicle]))
+        raise UserError(f"{vehicle}: no frame `{frame}`; expected one of {known}")
+
+    def sensor_frame(self, topic: str) -> tuple[str, str] | None:
+        """Return the vehicle and the frame of the sensor that publishes a topic, for `truth`.
+
+        None for a topic of no mounted sensor.
+        """
+        for vehicle in self.scenario.vehicles:
+            for sensor in vehicle.sensors:
+                if sensor.mounted and topic in sensor.ros_topics().values():
+                    return vehicle.name, sensor.frame
+        return None
+
+    def ros_type(self, topic: str) -> str:
+        """Return the ROS type of a topic.
+
+        Raises
+        ------
+        UserError
+            when the recording lacks the topic.
+        """
+        types = self._recording.types
+        if topic not in types:
+            known = ", ".join(sorted(types))
+            raise UserError(f"{self.path}: no topic `{topic}`; expected one of {known}")
+        return types[topic]
+
+    def _nanos(self, seconds: float | None) -> int | None:
+        """Return the stamp of a sim time."""
+        return None if seconds is None else self.start_nanos + round(seconds * NANOS)
 
     def _vehicle(self, name: str | None) -> Vehicle:
         vehicles = {vehicle.name: vehicle for vehicle in self.scenario.vehicles}
@@ -216,7 +280,7 @@ class Dataset:
             return next(iter(vehicles.values()))
         if name not in vehicles:
             known = ", ".join(vehicles) or "none"
-            raise UserError(f"{self._recording.path}: no vehicle `{name}`; the run has {known}")
+            raise UserError(f"{self.path}: no vehicle `{name}`; the run has {known}")
         return vehicles[name]
 
     @cached_property
@@ -225,31 +289,33 @@ class Dataset:
 
     def _base(self, vehicle: str) -> Trajectory:
         if vehicle not in self._bases:
-            topic = self.scenario.ground_truth_topic(self._vehicle(vehicle))
-            self._bases[vehicle] = self.poses(topic)
+            self._bases[vehicle] = self.poses(self.truth_topic(vehicle))
         return self._bases[vehicle]
 
-    def _table(
+    def _records(
         self, topic: str, start_s: float | None, end_s: float | None
     ) -> tuple[NDArray[np.void], Any]:
         """Return the records of a topic, and one of its messages."""
-        rows, sample = [], None
-        for time, message in self.messages(topic, start_s=start_s, end_s=end_s):
-            if sample is None:
-                sample = message
-                if content(message) is not None:
-                    raise UserError(
-                        f"{topic} has {message.__msgtype__}, an array in each message. "
-                        "Fix: use `contents`"
-                    )
-            rows.append({"stamp": np.asarray(time)} | dict(row(message)))
-        if not rows:
+        messages = self.messages(topic, start_s=start_s, end_s=end_s)
+        batches: list[NDArray[np.void]] = []
+        sample: Any = None
+        while batch := list(islice(messages, _BATCH)):
+            sample = batch[0][1]
+            if content(sample) is not None:
+                raise UserError(
+                    f"{topic} has {sample.__msgtype__}, an array in each message. "
+                    "Fix: use `contents`"
+                )
+            rows = [{"stamp": np.asarray(time)} | dict(row(message)) for time, message in batch]
+            try:
+                batches.append(table(rows))
+                if batches[-1].dtype != batches[0].dtype:
+                    raise ValueError
+            except ValueError:
+                raise UserError(
+                    f"{topic}: the lists in {sample.__msgtype__} differ in length. "
+                    "Fix: use `messages`"
+                ) from None
+        if not batches:
             raise UserError(f"{topic}: no messages in this span")
-        record = np.dtype([(name, value.dtype, value.shape) for name, value in rows[0].items()])
-        try:
-            return np.array([tuple(found.values()) for found in rows], record), sample
-        except ValueError:
-            raise UserError(
-                f"{topic}: the lists in {sample.__msgtype__} differ in length. "  # type: ignore[union-attr]
-                "Fix: use `messages`"
-            ) from None
+        return np.concatenate(batches), sample

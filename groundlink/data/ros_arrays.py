@@ -8,7 +8,7 @@ message exists for: the points of a cloud, the pixels of an image.
 """
 
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -42,20 +42,61 @@ def row(message: Any, prefix: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
             yield from row(value, f"{name}.")
 
 
-def components(message: Any, name: str) -> list[str]:
+def table(rows: Sequence[Mapping[str, NDArray[Any]]]) -> NDArray[np.void]:
+    """Return the rows of messages of one type as a structured array.
+
+    Raises
+    ------
+    ValueError
+        when a list differs in length between the rows.
+    """
+    fields = [(name, value.dtype, value.shape) for name, value in rows[0].items()]
+    records = np.empty(len(rows), np.dtype(fields))
+    for name in rows[0]:
+        records[name] = np.stack([row[name] for row in rows])
+    return records
+
+
+def columns(records: NDArray[np.void], message: Any) -> dict[str, NDArray[Any]]:
+    """Return a column for each component of a record's fields, by dotted name.
+
+    Columns of vectors are named like `linear_acceleration.x`, those of lists like `position.wheel`
+    where the message names the elements, else like `ranges.0`.
+
+    Parameters
+    ----------
+    message
+        one of the messages, for the names of the components.
+    """
+    found: dict[str, NDArray[Any]] = {}
+    for name in records.dtype.names or ():
+        if records[name].ndim == 1:
+            found[name] = records[name]
+            continue
+        flat = records[name].reshape(len(records), -1)
+        found |= {f"{name}.{part}": flat[:, i] for i, part in enumerate(_components(message, name))}
+    return found
+
+
+def _components(message: Any, name: str) -> list[str]:
     """Return the names of the components of a vector field of `row`."""
+    elements = getattr(message, "name", None)
     for part in name.split("."):
         message = getattr(message, part)
     if is_dataclass(message):
         return _parts(message)
-    return [str(i) for i in range(np.size(message))]
+    size = np.size(message)
+    if isinstance(elements, list) and len(elements) == size:
+        return elements
+    return [str(i) for i in range(size)]
 
 
 def content(message: Any) -> NDArray[Any] | None:
     """Return the points or pixels of a message; None for other types.
 
     A cloud is a structured array, shape (N,), with the cloud's own fields; an image has the shape
-    (height, width) or (height, width, channels).
+    (height, width) or (height, width, channels), with channels in the order red, green, blue,
+    alpha.
 
     Raises
     ------
@@ -64,7 +105,7 @@ def content(message: Any) -> NDArray[Any] | None:
     KeyError
         when the encoding of an image is unknown.
     """
-    reader = _CONTENTS.get(message.__msgtype__)
+    reader = (CLOUDS | IMAGES).get(message.__msgtype__)
     return None if reader is None else reader(message)
 
 
@@ -82,17 +123,23 @@ def _points(cloud: Any) -> NDArray[np.void]:
     record = np.dtype(
         {
             "names": [field.name for field in cloud.fields],
-            "formats": [_POINT_FIELD_TYPES[field.datatype] for field in cloud.fields],
+            "formats": [
+                # A field that no writer counted has one number, as has one with a count of 1.
+                (_POINT_FIELD_TYPES[field.datatype], field.count if field.count > 1 else ())
+                for field in cloud.fields
+            ],
             "offsets": [field.offset for field in cloud.fields],
             "itemsize": cloud.point_step,
         }
     )
-    return np.frombuffer(cloud.data, record)
+    return np.frombuffer(cloud.data, record.newbyteorder(">") if cloud.is_bigendian else record)
 
 
 def _image(image: Any) -> NDArray[Any]:
-    size = (image.height, image.width, image.step)
-    return pixels(ENCODINGS[image.encoding], image.data, *size, big=bool(image.is_bigendian))
+    encoding, size = ENCODINGS[image.encoding], (image.height, image.width, image.step)
+    values = pixels(encoding, image.data, *size, big=bool(image.is_bigendian))
+    order = [encoding.channels.index(color) for color in "RGBA" if color in encoding.channels]
+    return values[..., order] if order else values
 
 
 def _compressed_image(image: Any) -> NDArray[Any]:
@@ -105,8 +152,18 @@ def _compressed_image(image: Any) -> NDArray[Any]:
     return np.asarray(Image.open(io.BytesIO(bytes(image.data))))
 
 
-_CONTENTS: dict[str, Callable[[Any], NDArray[Any]]] = {
-    "sensor_msgs/msg/PointCloud2": _points,
+CLOUDS: dict[str, Callable[[Any], NDArray[Any]]] = {"sensor_msgs/msg/PointCloud2": _points}
+"""Function that returns the points, by ROS type."""
+
+IMAGES: dict[str, Callable[[Any], NDArray[Any]]] = {
     "sensor_msgs/msg/Image": _image,
     "sensor_msgs/msg/CompressedImage": _compressed_image,
 }
+"""Function that returns the pixels, by ROS type."""
+
+POSES = {
+    "nav_msgs/msg/Odometry": "pose.pose",
+    "geometry_msgs/msg/PoseStamped": "pose",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose",
+}
+"""Field of the pose, by ROS type."""

@@ -55,7 +55,8 @@ class Trajectory:
         wanted = seconds[inside]
         after = np.clip(np.searchsorted(self.seconds, wanted), 1, len(self.seconds) - 1)
         t0, t1 = self.seconds[after - 1], self.seconds[after]
-        share = (wanted - t0) / (t1 - t0)
+        gap = t1 - t0
+        share = np.divide(wanted - t0, gap, out=np.zeros_like(wanted), where=gap > 0)
         before = self.positions_m[after - 1]
         positions = before + share[:, None] * (self.positions_m[after] - before)
         turns = nlerp(self.orientations[after - 1], self.orientations[after], share)

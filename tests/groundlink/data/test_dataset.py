@@ -16,6 +16,8 @@ import groundlink
 from groundlink.core.errors import RequirementError, UserError
 from groundlink.core.frames import matrix_from_quaternion
 from groundlink.data.dataset import Dataset
+from groundlink.data.ros_arrays import content, table
+from groundlink.ros.types import TYPES, header
 
 FILE = Path(__file__).parents[2] / "compatibility" / "every_kind.mcap"
 
@@ -107,6 +109,43 @@ def test_poses_are_one_array(run: Dataset) -> None:
     assert run.poses(topic).rows.shape == (len(decoded(topic)), 8)
 
 
+def test_topics_of_a_span_come_in_one_pass_in_order_of_time(run: Dataset) -> None:
+    topics = ["/imu", "/points"]
+    found = [(topic, nanos) for topic, nanos, _ in run.interleaved(topics, end_s=0.3)]
+    each = [(t, nanos) for t in topics for nanos, _ in run.messages(t, end_s=0.3)]
+    assert sorted(found) == sorted(each)
+    times = [nanos for _, nanos in found]
+    assert times == sorted(times)
+
+
+def test_frames_and_the_sensor_of_a_topic(run: Dataset) -> None:
+    assert run.frames["rover"][0] == "base_link"
+    assert run.sensor_frame("/points/truth") == ("rover", "lidar_link")
+    assert run.sensor_frame("/odom") is None
+    assert run.mount("rover", "base_link") == (0, 0, 0, 0, 0, 0, 1)
+
+
+def test_records_with_lists_of_other_lengths_are_refused() -> None:
+    rows = [{"a": np.ones(4)}, {"a": np.ones(1)}]
+    with pytest.raises(ValueError, match="same shape"):
+        table(rows)
+
+
+def test_a_cloud_may_have_any_byte_order_and_lists_in_its_fields() -> None:
+    fields = [
+        TYPES["sensor_msgs/msg/PointField"](name=name, offset=offset, datatype=7, count=count)
+        for name, offset, count in (("x", 0, 1), ("normal", 8, 3))
+    ]
+    data = np.arange(10, dtype=">f4").view(np.uint8)
+    cloud = TYPES["sensor_msgs/msg/PointCloud2"](
+        header(0, "lidar"), 1, 2, fields, True, 20, 40, data, True
+    )
+    points = content(cloud)
+    assert points is not None
+    assert points["x"].tolist() == [0, 5]
+    assert points["normal"].tolist() == [[2, 3, 4], [7, 8, 9]]
+
+
 def test_mistakes_are_named_with_what_is_there(run: Dataset) -> None:
     with pytest.raises(UserError, match=r"no topic `/imo`; expected one of .*/imu"):
         run.array("/imo")
@@ -132,6 +171,9 @@ def test_data_frames_have_a_column_for_each_component(
     frame = run.dataframe(topic_of(run, "sensor_msgs/msg/Imu"))
     assert isinstance(frame, pandas.DataFrame)
     assert {"stamp", "orientation.w", "linear_acceleration.z"} <= set(frame.columns)
+    wheels = decoded("/wheel_encoders")
+    ticks = run.dataframe("/wheel_encoders")[[f"ticks.{name}" for name in wheels[0].name]]
+    assert ticks.to_numpy().tolist() == [list(message.ticks) for message in wheels]
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(RequirementError, match="Fix: pip install pandas"):
         run.dataframe(topic_of(run, "sensor_msgs/msg/Imu"))

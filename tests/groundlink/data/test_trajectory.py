@@ -34,6 +34,12 @@ def test_between_two_poses_it_is_where_the_body_was() -> None:
     np.testing.assert_allclose(turned, 1.0, atol=1e-9)
 
 
+def test_one_pose_is_a_trajectory_too() -> None:
+    alone = circle(SECONDS[:1])
+    found = alone.at(np.array([-1.0, 0.0, 1.0]))
+    assert found.rows.tolist() == alone.rows.tolist()
+
+
 def test_a_frame_on_the_left_of_the_body_drives_a_smaller_circle() -> None:
     quarter = (0.0, 0.0, sin(pi / 4), cos(pi / 4))
     seen = circle(SECONDS).seen_from((0.0, 0.5, 0.3, *quarter))
