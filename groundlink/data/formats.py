@@ -8,7 +8,7 @@ Library, "The PCD (Point Cloud Data) file format", version 0.7; REP 118 for dept
 """
 
 import csv
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -77,7 +77,7 @@ def write_pcd(file: Path, points: NDArray[np.void]) -> None:
         (name, points.dtype[name].base.newbyteorder("<"), points.dtype[name].shape)
         for name in points.dtype.names or ()
     ]
-    header = {
+    header: dict[str, Sequence[object]] = {
         "VERSION": ["0.7"],
         "FIELDS": [name for name, _, _ in fields],
         "SIZE": [number.itemsize for _, number, _ in fields],
