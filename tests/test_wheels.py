@@ -18,7 +18,7 @@ REPOSITORY = Path(__file__).parents[1]
 
 EXTRAS = ("physics", "sensors", "camera", "gateway", "record", "export", "view", "report", "secure")
 
-OTHER_EXTRAS = {"ros2", "benchmarks", "experiments", "docs", "dev"}
+OTHER_EXTRAS = {"ros2", "gym", "benchmarks", "experiments", "docs", "dev"}
 """For a checkout, or of other programs."""
 
 COMMANDS: dict[str, str | None] = {
