@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from groundlink.data.dataset import Dataset
-    from groundlink.sim.simulation import Mode, Simulation
+    from groundlink.sim.stepped_run import Mode, SteppedRun
 
 
 __all__ = ["__version__", "open", "run"]
@@ -34,8 +34,8 @@ def open(path: str | Path) -> Dataset:
     return Dataset(path)
 
 
-def run(scenario: str | Path, *, mode: Mode = "fast", sensors_together: bool = False) -> Simulation:
-    """Start a run that a program steps; see `groundlink.sim.simulation.Simulation`."""
-    from groundlink.sim.simulation import Simulation
+def run(scenario: str | Path, *, mode: Mode = "fast", sensors_together: bool = False) -> SteppedRun:
+    """Start a run that a program steps; see `groundlink.sim.stepped_run.SteppedRun`."""
+    from groundlink.sim.stepped_run import SteppedRun
 
-    return Simulation(scenario, mode=mode, sensors_together=sensors_together)
+    return SteppedRun(scenario, mode=mode, sensors_together=sensors_together)

@@ -14,7 +14,7 @@ from groundlink.core.errors import UserError
 from groundlink.core.frames import matrix_from_quaternion
 from groundlink.messages.imagery import LaserScan
 
-from .simulation import Simulation
+from .stepped_run import SteppedRun
 
 Observation = dict[str, Any]
 
@@ -69,7 +69,7 @@ class NavigationEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         speed_mps: float = 1.0,
         turn_radps: float = 1.0,
     ) -> None:
-        self._sim = Simulation(scenario, sensors_together=True)
+        self._sim = SteppedRun(scenario, sensors_together=True)
         try:
             self._check(str(scenario), vehicle, scan)
             self._goals = self._checked_goals(str(scenario), goals_m)

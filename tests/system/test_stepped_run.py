@@ -13,7 +13,7 @@ import pytest
 import groundlink
 from groundlink.core.errors import RunFailed, UserError
 from groundlink.messages.base import Imu, PointCloud
-from groundlink.sim.simulation import Simulation
+from groundlink.sim.stepped_run import SteppedRun
 
 from .rig import rig
 
@@ -23,7 +23,7 @@ CLOUD_NANOS = 100_000_000
 
 
 @pytest.fixture(scope="module")
-def sim(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Simulation]:
+def sim(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SteppedRun]:
     with (
         rig(tmp_path_factory.mktemp("sim")) as files,
         groundlink.run(files.scenario) as started,
@@ -31,7 +31,7 @@ def sim(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Simulation]:
         yield started
 
 
-def drive(sim: Simulation) -> list[Any]:
+def drive(sim: SteppedRun) -> list[Any]:
     """Return what half a second of driving gives."""
     sim.step(0.1)
     sim.command("rover", 0.8, 0.4)
@@ -39,7 +39,7 @@ def drive(sim: Simulation) -> list[Any]:
     return [sim.latest(stream) for stream in sim.streams]
 
 
-def test_step_returns_with_the_readings_up_to_its_end(sim: Simulation) -> None:
+def test_step_returns_with_the_readings_up_to_its_end(sim: SteppedRun) -> None:
     sim.reset()
     assert sim.time_s == 0.0
     sim.step(0.25)
@@ -54,7 +54,7 @@ def test_step_returns_with_the_readings_up_to_its_end(sim: Simulation) -> None:
     assert sim.time_s == pytest.approx(0.25 + sim.step_s)
 
 
-def test_command_acts_in_the_next_tick_and_a_reset_takes_it_back(sim: Simulation) -> None:
+def test_command_acts_in_the_next_tick_and_a_reset_takes_it_back(sim: SteppedRun) -> None:
     sim.reset()
     still = sim.latest("rover/ground_truth")
     first = drive(sim)
@@ -66,14 +66,14 @@ def test_command_acts_in_the_next_tick_and_a_reset_takes_it_back(sim: Simulation
     assert drive(sim) == first
 
 
-def test_sensors_in_one_process_give_the_same(sim: Simulation, tmp_path: Path) -> None:
+def test_sensors_in_one_process_give_the_same(sim: SteppedRun, tmp_path: Path) -> None:
     sim.reset()
     expected = drive(sim)
     with rig(tmp_path) as files, groundlink.run(files.scenario, sensors_together=True) as other:
         assert drive(other) == expected
 
 
-def test_other_commands_join_the_run(sim: Simulation, tmp_path: Path) -> None:
+def test_other_commands_join_the_run(sim: SteppedRun, tmp_path: Path) -> None:
     sim.reset()
     where = ("--run", sim.name, "--connect", sim.endpoint)
     words = ("-m", "groundlink", "fault", "rover/imu", "stuck", *where)
@@ -98,7 +98,7 @@ def test_the_program_of_the_guide_follows_a_line() -> None:
     assert "'rover/ground_truth'" in streams
 
 
-def test_mistakes_name_what_is_expected(sim: Simulation) -> None:
+def test_mistakes_name_what_is_expected(sim: SteppedRun) -> None:
     with pytest.raises(UserError, match=r"0\.013 s is no multiple of 0\.01 s"):
         sim.step(0.013)
     with pytest.raises(UserError, match="no vehicle `car`; expected one of rover"):

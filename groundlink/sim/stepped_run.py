@@ -45,7 +45,7 @@ INBOX_DEPTH = 1 << 16
 Mode = Literal["fast", "lockstep"]
 
 
-class Simulation:
+class SteppedRun:
     """A run whose sim time advances in `step` only. Use it as a context manager.
 
     The processes are those of `groundlink up`, without gateway and ROS. Commands such as
@@ -114,7 +114,7 @@ class Simulation:
             self._wait(0, START_SECONDS)
             self._opened = opened.pop_all()
 
-    def __enter__(self) -> "Simulation":
+    def __enter__(self) -> "SteppedRun":
         return self
 
     def __exit__(
