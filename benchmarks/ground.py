@@ -21,8 +21,8 @@ from groundlink.importing.terrain import build
 from groundlink.importing.terrain_specs import HillsTerrain
 from groundlink.loader import load
 from groundlink.loader.document import read
-from groundlink.loader.explain import convert
 from groundlink.loader.scenario_files import SHIPPED
+from groundlink.loader.validation_errors import convert
 from groundlink.messages.base import Command
 from groundlink.scenario.schema import Placement, Scenario, World
 from groundlink.scenario.vehicle import VehicleModel

@@ -16,7 +16,7 @@ from groundlink.importing.mesh_specs import MeshFile
 from groundlink.importing.terrain_specs import TerrainSpec
 
 from .document import DataPath, Document, ScenarioError
-from .explain import convert, dotted
+from .validation_errors import convert, dotted
 
 TERRAIN: DataPath = ("world", "terrain")
 

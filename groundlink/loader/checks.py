@@ -19,7 +19,7 @@ from groundlink.scene.build import WorldError, solids
 from groundlink.scene.spawn_checks import check_spawns
 
 from .document import DataPath, Document, ScenarioError
-from .explain import dotted
+from .validation_errors import dotted
 
 
 def check_scenario(scenario: Scenario, document: Document) -> None:

@@ -14,8 +14,8 @@ from groundlink.scenario.schema import Sensor
 from groundlink.scenario.sensor_kinds import sheet_folders
 
 from .document import ScenarioError
-from .explain import explained
 from .scenario_files import SHEETS, SHIPPED, find_file, read_datasheet
+from .validation_errors import explained
 
 _PLACE = {"name": "sensor", "topic": "/topic", "frame": "frame"}
 """Placeholders for the fields that only a scenario states."""

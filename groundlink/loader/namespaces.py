@@ -9,7 +9,7 @@ the vehicle's name.
 import re
 
 from groundlink.loader.document import DataPath, Document, ScenarioError
-from groundlink.loader.explain import dotted
+from groundlink.loader.validation_errors import dotted
 from groundlink.scenario.schema import NAMESPACE
 
 COMMAND_TOPIC = "cmd_vel"

@@ -24,8 +24,8 @@ from groundlink.world.terrain import Ground, Terrain, load_ground
 
 from .asset_import import TERRAIN
 from .document import DataPath, Document, ScenarioError
-from .explain import convert
 from .terrain_placement import OUTDOORS
+from .validation_errors import convert
 
 SCATTER: DataPath = ("world", "scatter")
 

@@ -25,9 +25,9 @@ from . import urdf
 from .asset_import import import_assets
 from .checks import check_scenario, check_speeds
 from .document import DataPath, Document, ScenarioError, read
-from .explain import convert
 from .scatter import place_scatter
 from .terrain_placement import place_outdoors, place_solids
+from .validation_errors import convert
 
 SHEETS = "sensors"
 """Folder of data sheets: beside a scenario's file, or in what is shipped."""

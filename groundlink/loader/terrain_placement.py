@@ -15,7 +15,7 @@ from groundlink.world.terrain import Terrain, load_ground
 
 from .asset_import import TERRAIN
 from .document import DataPath, Document, ScenarioError
-from .explain import convert
+from .validation_errors import convert
 
 SOLIDS: DataPath = ("world", "solids")
 OUTDOORS: DataPath = ("world", "outdoors")

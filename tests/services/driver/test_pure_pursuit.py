@@ -12,8 +12,8 @@ from groundlink.core.clock import TICK_NANOS
 from groundlink.episode.routes import Line, line
 from groundlink.loader import load
 from groundlink.loader.document import read
-from groundlink.loader.explain import convert
 from groundlink.loader.scenario_files import SHIPPED
+from groundlink.loader.validation_errors import convert
 from groundlink.messages.base import Command
 from groundlink.scenario import Scenario
 from groundlink.scenario.route import (

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.loader import load
 from groundlink.loader.document import read
-from groundlink.loader.explain import convert
 from groundlink.loader.scenario_files import SHIPPED
+from groundlink.loader.validation_errors import convert
 from groundlink.messages.base import Command, floats
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement

@@ -9,8 +9,8 @@ from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
 from groundlink.loader.document import read
-from groundlink.loader.explain import convert
 from groundlink.loader.scenario_files import SHIPPED
+from groundlink.loader.validation_errors import convert
 from groundlink.messages import base as messages
 from groundlink.messages.base import BadBusMessage, State, encode
 from groundlink.scenario.vehicle import VehicleModel
