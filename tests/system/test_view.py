@@ -8,6 +8,7 @@ import socket
 import subprocess
 import threading
 import time
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -22,8 +23,18 @@ from groundlink.bus.core_topics import COMMAND, HEALTH, STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import RELAYED, SENSOR_TOPICS
+from groundlink.bus.zenoh_config import ROUTER_WAIT_SECONDS
 from groundlink.core.clock import TICK_NANOS
-from groundlink.messages.base import BusMessage, Command, Health, Imu, PointCloud, Relayed, State
+from groundlink.messages.base import (
+    BusMessage,
+    Command,
+    Health,
+    Imu,
+    M,
+    PointCloud,
+    Relayed,
+    State,
+)
 from services.view.rerun_destinations import program
 from tests.services.view.foxglove_client import joined
 
@@ -39,13 +50,25 @@ TRUTH = (90, 220, 255)
 OF_THE_STACK = "from_ros: {pose: /pose, map: /map}"
 
 
+class TimedInbox(BusInbox[BusMessage]):
+    """Keeps messages, and when each arrived."""
+
+    def __init__(self, *, depth: int) -> None:
+        super().__init__(depth=depth)
+        self.arrivals_seconds: deque[float] = deque(maxlen=depth)
+
+    def put(self, key: str, payload: bytes, message_type: type[M]) -> None:
+        self.arrivals_seconds.append(time.monotonic())
+        super().put(key, payload, message_type)
+
+
 @dataclass
 class Running:
     """A run whose rover drives in a circle, and a witness of what is on its bus."""
 
     rig: Rig
     bus: Bus
-    boxes: dict[str, BusInbox[BusMessage]] = field(default_factory=dict)
+    boxes: dict[str, TimedInbox] = field(default_factory=dict)
     health: BusInbox[Health] = field(default_factory=lambda: BusInbox(depth=1000))
 
     def drain(self) -> dict[str, list[int]]:
@@ -95,7 +118,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
                 ("lidar", SENSOR_TOPICS["lidar"], PointCloud),
                 ("imu", SENSOR_TOPICS["imu"], Imu),
             ):
-                box: BusInbox[BusMessage] = BusInbox(depth=40_000 if name != "lidar" else 800)
+                box = TimedInbox(depth=40_000 if name != "lidar" else 800)
                 run.boxes[name] = box
                 bus.subscribe(row.key_in(it.run, sensor=name, **names), box_of, box)
             bus.subscribe(HEALTH.key_in(it.run), Health, run.health)
@@ -182,6 +205,8 @@ def test_a_viewer_that_falls_behind_or_goes_changes_no_rate(running: Running) ->
     8 s, and killed; the other, which waits for its server, ends by Ctrl-C all the same.
     """
     running.drain()
+    for box in running.boxes.values():
+        box.arrivals_seconds.clear()
     viewers = []
     for log in ("stopped.log", "waiting.log"):
         port = free_port(socket.SOCK_STREAM)
@@ -203,6 +228,8 @@ def test_a_viewer_that_falls_behind_or_goes_changes_no_rate(running: Running) ->
     stamps = running.drain()
     for name, period in (("state", TICK_NANOS), ("lidar", 10**8), ("imu", TICK_NANOS)):
         assert set(np.diff(stamps[name]).tolist()) == {period}, name
+        silences = np.diff(running.boxes[name].arrivals_seconds)
+        assert silences.max() < ROUTER_WAIT_SECONDS / 2, f"the router waited for a viewer: {name}"
     for sensor in ("rover/lidar", "rover/imu", "rover/encoders"):
         assert running.counters(sensor)["missed_ticks"] == 0
 
