@@ -217,9 +217,9 @@ def test_relayed_message_keeps_topic_and_type(lab: Scenario, tmp_path: Path) -> 
 
 def test_diagnostics_once_a_second_of_sim_time(rig: Rig) -> None:
     stream = StreamReport("/imu", "Imu", 400.0, 399.0, None, 90, 10, sent=100, missing=10)
-    rig.clock(0)
     rig.recorder.take_health(Health("physics", 7, 5, {"refused": 3}))
     rig.recorder.take_health(Health("gateway", 8, 5, {}, (stream,)))
+    rig.clock(0)
     for tick in range(4, 1300, 4):
         rig.clock(tick)
     arrays = rig.written()["/diagnostics"]
