@@ -15,7 +15,7 @@ from groundlink.core.errors import RunFailed, UserError
 from groundlink.messages.base import Imu, PointCloud
 from groundlink.sim.stepped_run import SteppedRun
 
-from .rig import rig
+from .rig import REPOSITORY, rig
 
 pytestmark = pytest.mark.system
 
@@ -87,15 +87,35 @@ def test_other_commands_join_the_run(sim: SteppedRun, tmp_path: Path) -> None:
     assert (tmp_path / "half.run").stat().st_size > 1000
 
 
-def test_the_program_of_the_guide_follows_a_line() -> None:
-    page = Path(__file__).parents[2] / "docs" / "how-to" / "python-run.md"
-    (program,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+def printed_by_guide(name: str, folder: Path) -> list[str]:
+    """Return the lines that the program of a guide prints."""
+    guides = REPOSITORY / "docs" / "how-to"
+    pages = [(guides / file).read_text(encoding="utf-8") for file in ("python-run.md", name)]
+    (scenario,) = re.findall(r"```yaml\n(.*?)```", pages[0], re.DOTALL)
+    (program,) = re.findall(r"```python\n(.*?)```", pages[1], re.DOTALL)
+    (folder / "small.yaml").write_text(scenario, encoding="utf-8")
     done = subprocess.run(
-        [sys.executable, "-c", program], check=True, capture_output=True, text=True, timeout=100
+        [sys.executable, "-c", program],
+        cwd=folder,
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=100,
     )
-    first, streams = done.stdout.splitlines()
-    assert re.fullmatch(r"2\.0 s, x -?\d+\.\d\d m", first)
-    assert "'rover/ground_truth'" in streams
+    return done.stdout.splitlines()
+
+
+def test_the_program_of_the_guide_follows_a_line(tmp_path: Path) -> None:
+    first, streams = printed_by_guide("python-run.md", tmp_path)
+    (x_m,) = re.findall(r"^2\.0 s, x (-\d\.\d\d) m$", first)
+    assert float(x_m) == pytest.approx(-3.75, abs=0.15)
+    assert "'rover/scanner'" in streams
+
+
+def test_the_policy_of_the_guide_reaches_its_goal(tmp_path: Path) -> None:
+    (line,) = printed_by_guide("gymnasium.md", tmp_path)
+    (returned,) = re.findall(r"^return (\d+\.\d\d), 1081 rays$", line)
+    assert float(returned) > 11
 
 
 def test_mistakes_name_what_is_expected(sim: SteppedRun) -> None:
