@@ -29,6 +29,7 @@ from groundlink.episode.control import Remove, Spawn
 from groundlink.messages.base import Ack, Command, State, WheelCommand, encode
 from groundlink.messages.navigation import JointState
 from groundlink.scenario import Scenario
+from groundlink.scenario.decoding import put_unknown, take_unknown
 
 VERSION = 1
 
@@ -254,7 +255,7 @@ def loaded(content: bytes, where: str) -> Journal:
         raise JournalError(f"{where}: truncated or damaged. Fix: copy or save the run again")
     try:
         blocks = _blocks(body)
-        head = msgspec.msgpack.decode(next(blocks), type=Journal)
+        head = _head(next(blocks))
         more = (msgspec.msgpack.decode(block, type=tuple[bytes, ...]) for block in blocks)
         journal = replace(head, entries=tuple(entry for part in more for entry in part))
         for _ in journal.read():
@@ -265,6 +266,17 @@ def loaded(content: bytes, where: str) -> Journal:
             "restore it with the version that saved it"
         ) from None
     return journal
+
+
+def _head(block: bytes) -> Journal:
+    """Return a journal without its further blocks; sensors of unknown kinds are kept."""
+    try:
+        return msgspec.msgpack.decode(block, type=Journal)
+    except msgspec.ValidationError:
+        plain = msgspec.msgpack.decode(block)
+        unknown = take_unknown(plain.get("scenario") if isinstance(plain, dict) else None)
+        head = msgspec.convert(plain, Journal)
+        return replace(head, scenario=put_unknown(head.scenario, unknown))
 
 
 def _blocks(body: memoryview) -> Iterator[bytes]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 
+from groundlink.ros.pixels import ENCODINGS
 from groundlink.ros.types import STORE
 
 _NAMES = ("child_frame_id", "name", "key", "kind")
@@ -21,15 +22,6 @@ _NAMES = ("child_frame_id", "name", "key", "kind")
 
 _POINT_TYPES = ("", "i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8")
 """numpy type by sensor_msgs/PointField datatype."""
-
-_PIXEL_TYPES = {
-    "rgb8": ("u1", 3),
-    "bgr8": ("u1", 3),
-    "mono8": ("u1", 1),
-    "16UC1": ("<u2", 1),
-    "32FC1": ("<f4", 1),
-}
-"""Type of a channel and channels of a pixel, by encoding."""
 
 
 class Difference(NamedTuple):
@@ -176,16 +168,16 @@ def _point(cloud: Any, byte: int) -> _Unit | None:
 
 
 def _pixel(image: Any, byte: int) -> _Unit | None:
-    if image.encoding not in _PIXEL_TYPES:
+    encoding = ENCODINGS.get(image.encoding)
+    if encoding is None:
         return None
-    name, channels = _PIXEL_TYPES[image.encoding]
+    number, channels = np.dtype(f"<{encoding.number}"), len(encoding.channels)
     row, within = divmod(byte, image.step)
-    column, within = divmod(within, np.dtype(name).itemsize * channels)
-    channel = within // np.dtype(name).itemsize
+    column, within = divmod(within, number.itemsize * channels)
     words = f"pixel in row {row}, column {column}"
-    words += f", {image.encoding[channel]}" if channels > 1 else ""
-    size = np.dtype(name).itemsize
-    return _Unit(words, name, byte - byte % size, size * channels, "pixels")
+    words += f", {encoding.channels[within // number.itemsize].lower()}" if channels > 1 else ""
+    begin = byte - byte % number.itemsize
+    return _Unit(words, number.str, begin, number.itemsize * channels, "pixels")
 
 
 _UNITS = {"sensor_msgs/msg/PointCloud2": _point, "sensor_msgs/msg/Image": _pixel}

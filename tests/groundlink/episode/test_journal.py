@@ -4,6 +4,7 @@
 import hashlib
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -35,6 +36,7 @@ from groundlink.loader import load
 from groundlink.loader.additions import KINDS
 from groundlink.messages.base import Ack, Command, State, WheelCommand, packed
 from groundlink.messages.navigation import JointState
+from groundlink.scenario.every_sensor import UnknownSensor
 
 SCENARIO = load(str(Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"))
 
@@ -65,6 +67,15 @@ def test_saved_journal_is_read_back() -> None:
     found = loaded(dumped(SAVED), "file")
     assert found == SAVED
     assert tuple(found.read()) == ENTRIES
+
+
+def test_sensor_of_a_kind_that_is_not_installed_is_kept() -> None:
+    fields = {"kind": "sonar", "name": "sonar", "topic": "/sonar", "frame": "sonar_link"}
+    (rover,) = SCENARIO.vehicles
+    unknown = msgspec.convert({**fields, "kind": "unknown", "fields": fields}, UnknownSensor)
+    rover = replace(rover, sensors=(unknown, *rover.sensors))
+    saved = replace(SAVED, scenario=replace(SCENARIO, vehicles=(rover,)))
+    assert loaded(dumped(saved), "file") == saved
 
 
 @pytest.mark.parametrize("count", [0, 1, BLOCK_ENTRIES, 3 * BLOCK_ENTRIES + 1])
