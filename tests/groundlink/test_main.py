@@ -159,3 +159,16 @@ def test_a_folder_gets_its_name_when_it_is_complete(tmp_path: Path) -> None:
         except AssertionError:
             assert not list(tmp_path.iterdir())
     assert [file.name for file in (tmp_path / "out").iterdir()] == ["a"]
+
+
+def test_without_arguments_it_greets_with_commands_that_exist(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main([]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    shown = [line.split("  ")[1].split()[1:] for line in lines if line.startswith("  groundlink ")]
+    assert len(shown) == 5
+    parser = commands.parser()
+    for words in shown:
+        assert parser.parse_args(words).command is not parser.get_default("command")
+    assert max(map(len, lines)) <= 80
