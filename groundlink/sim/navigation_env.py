@@ -5,16 +5,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
-from gymnasium import spaces
 from numpy.typing import NDArray
 
 from groundlink.core.errors import UserError
+from groundlink.core.extras import needs
 from groundlink.core.frames import matrix_from_quaternion
 from groundlink.messages.imagery import LaserScan
 
 from .stepped_run import SteppedRun
+
+with needs("gym"):
+    import gymnasium
+    from gymnasium import spaces
 
 Observation = dict[str, Any]
 
