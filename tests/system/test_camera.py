@@ -55,7 +55,7 @@ def test_without_opengl_the_default_scenario_goes_on_without_its_camera(tmp_path
         it.environment["__EGL_VENDOR_LIBRARY_DIRS"] = str(tmp_path)  # no driver is there
         observer = Observer(it)
         up = it.up()
-        wait_for(lambda: observer.count("/points") > 20, 60, "clouds arrive in ROS")
+        wait_for(lambda: observer.count("/points") > 50, 60, "clouds arrive in ROS")
         up.send_signal(signal.SIGINT)
         assert up.wait(10) == 1
         assert observer.count(PICTURES) == 0
