@@ -6,11 +6,14 @@ import msgspec
 from groundlink.core.errors import UserError
 from groundlink.episode.control import AnyRunCommand, ControlAnswer
 
-from .queries import control_key
+from .queries import control_key, journal_key
 from .session import Bus
 
 ANSWER_SECONDS = 7.0
 """Timeout of a query. A busy physics process answers within 6 s."""
+
+JOURNAL_SECONDS = 60.0
+"""Timeout for a journal: one of a whole day has hundreds of megabytes."""
 
 
 def send_command(
@@ -40,3 +43,19 @@ def send_command(
 def run_status(bus: Bus, run: str) -> ControlAnswer:
     """Return the state of a run; errors are those of `send_command`."""
     return send_command(bus, run)
+
+
+def fetch_journal(bus: Bus, run: str) -> bytes:
+    """Return the journal of a run, as the content of a saved run.
+
+    Raises
+    ------
+    UserError
+        if physics does not answer, or has made no step yet.
+    """
+    content = b"".join(bus.query(journal_key(run), seconds=JOURNAL_SECONDS).values())
+    if not content:
+        raise UserError(
+            f"run `{run}`: no journal. Fix: check that physics is running and has made a first step"
+        )
+    return content

@@ -2,7 +2,6 @@
 """A recorded run as arrays: `groundlink.open("run.mcap")`."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from groundlink.core.frames import IDENTITY_QUATERNION
 from groundlink.recording.metadata import TopicFacts
 from groundlink.recording.reader import Recording
 from groundlink.ros.streams import mounts
-from groundlink.ros.types import STORE
+from groundlink.ros.types import STORE, nanos
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Vehicle
 
@@ -42,6 +41,7 @@ class Dataset:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self._recording = Recording(self.path)
+        self._bases: dict[str, Trajectory] = {}
 
     def __enter__(self) -> "Dataset":
         return self
@@ -81,8 +81,8 @@ class Dataset:
         UserError
             when the recording lacks the topic or is damaged.
         """
-        for _, nanos, message in self.interleaved([topic], start_s=start_s, end_s=end_s):
-            yield nanos, message
+        for _, time_nanos, message in self.interleaved([topic], start_s=start_s, end_s=end_s):
+            yield time_nanos, message
 
     def interleaved(
         self,
@@ -134,7 +134,7 @@ class Dataset:
                     f"{topic} has {message.__msgtype__}; expected point clouds or images. "
                     "Fix: use `array`"
                 )
-            yield int(dict(row(message))["stamp"]), array
+            yield nanos(message.header.stamp), array
 
     def array(
         self, topic: str, *, start_s: float | None = None, end_s: float | None = None
@@ -282,10 +282,6 @@ class Dataset:
             known = ", ".join(vehicles) or "none"
             raise UserError(f"{self.path}: no vehicle `{name}`; the run has {known}")
         return vehicles[name]
-
-    @cached_property
-    def _bases(self) -> dict[str, Trajectory]:
-        return {}
 
     def _base(self, vehicle: str) -> Trajectory:
         if vehicle not in self._bases:

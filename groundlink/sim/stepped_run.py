@@ -16,10 +16,9 @@ from typing import Any, Literal
 
 from msgspec.structs import replace
 
-from groundlink.bus.control_client import send_command
+from groundlink.bus.control_client import fetch_journal, send_command
 from groundlink.bus.core_topics import ACK, CLOCK, COMMAND, GATEWAY, HEALTH, PHYSICS, ROOT
 from groundlink.bus.inbox import BusInbox
-from groundlink.bus.queries import journal_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import GROUND_TRUTH, sensor_outputs
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS
@@ -38,7 +37,6 @@ START_SECONDS = 60.0
 STEP_SECONDS = 60.0
 """Timeout for one period of the clock."""
 
-JOURNAL_SECONDS = 30.0
 LINES_KEPT = 20
 INBOX_DEPTH = 1 << 16
 
@@ -84,7 +82,16 @@ class SteppedRun:
         self._latest: dict[str, BusMessage] = {}
         self._acknowledged: dict[str, tuple[int, int]] = {}
         self._commanded: dict[str, int] = {}
+        self._sensors = self.scenario.sensor_names()
         self._types: dict[str, type[BusMessage]] = dict(self._rows())
+        prefix = f"{ROOT}/{self.name}/"
+        self.streams: Mapping[str, type[BusMessage]] = {
+            key.removeprefix(prefix): message
+            for key, message in self._types.items()
+            if message not in (Ack, Clock)
+        }
+        """Type of the messages of each stream that `latest` knows."""
+
         self._inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_DEPTH)
         self._lines: deque[str] = deque(maxlen=LINES_KEPT)
         processes = commands(
@@ -206,16 +213,6 @@ class SteppedRun:
             raise UserError(f"no stream `{stream}`; expected one of {', '.join(self.streams)}")
         return self._latest.get(stream)
 
-    @property
-    def streams(self) -> Mapping[str, type[BusMessage]]:
-        """Type of the messages of each stream that `latest` knows."""
-        prefix = f"{ROOT}/{self.name}/"
-        return {
-            key.removeprefix(prefix): message
-            for key, message in self._types.items()
-            if message not in (Ack, Clock)
-        }
-
     def reset(self) -> None:
         """Start again from the initial state, at sim time zero."""
         before = self._episode
@@ -228,16 +225,14 @@ class SteppedRun:
 
     def save(self, file: str | Path) -> None:
         """Write the state of the run to a file that `groundlink up` continues."""
-        content = b"".join(
-            self._bus.query(journal_key(self.name), seconds=JOURNAL_SECONDS).values()
-        )
+        content = fetch_journal(self._bus, self.name)
         journal.loaded(content, f"run `{self.name}`")
         journal.write(Path(file), content)
 
     def _rows(self) -> Any:
         """Yield key and type of each message that the program takes."""
         yield CLOCK.key_in(self.name), CLOCK.message
-        for name in self.scenario.sensor_names():
+        for name in self._sensors:
             yield ACK.key_in(self.name, process=name), ACK.message
         for vehicle in self.scenario.vehicles:
             yield GROUND_TRUTH.key_in(self.name, vehicle=vehicle.name), GROUND_TRUTH.message
@@ -282,7 +277,7 @@ class SteppedRun:
         """Return the sensors that have not acknowledged a tick of this episode."""
         reached = self._acknowledged
         wanted = self._episode, tick
-        return [n for n in self.scenario.sensor_names() if reached.get(n, (-1, -1)) < wanted]
+        return [n for n in self._sensors if reached.get(n, (-1, -1)) < wanted]
 
     def _take(self, key: str, message: BusMessage) -> None:
         if isinstance(message, Clock):

@@ -11,8 +11,7 @@ import threading
 import time
 from pathlib import Path
 
-from groundlink.bus.control_client import run_status, send_command
-from groundlink.bus.queries import journal_key
+from groundlink.bus.control_client import fetch_journal, run_status, send_command
 from groundlink.bus.session import Bus
 from groundlink.cli import Subparsers
 from groundlink.core.clock import TICK_SECONDS
@@ -24,9 +23,6 @@ from groundlink.process.joining import join
 
 from .control import POLL_SECONDS, status_line
 from .running import check_new_file
-
-JOURNAL_SECONDS = 60.0
-"""Timeout of a journal: one of a whole day has hundreds of megabytes."""
 
 SHOW_SECONDS = 1.0
 """Period of progress lines."""
@@ -47,11 +43,7 @@ def save(options: argparse.Namespace) -> int:
     check_new_file("save", options.file)
     with Bus(connect=process.endpoint(options)) as bus:
         run, _ = join(bus, options.run, threading.Event())
-        content = b"".join(bus.query(journal_key(run), seconds=JOURNAL_SECONDS).values())
-    if not content:
-        raise UserError(
-            f"run `{run}`: no journal. Fix: check that physics is running and has made a first step"
-        )
+        content = fetch_journal(bus, run)
     saved = journal.loaded(content, f"run `{run}`")
     journal.write(options.file, content)
     at = f"tick {saved.tick} ({saved.tick * TICK_SECONDS:.4f} s)"
