@@ -25,8 +25,12 @@ from groundlink.process.joining import join
 from services.gateway.missing_readings import COUNTER_PREFIX
 from tests.system.rig import wait_for
 
+TOLD_SECONDS = 3.0
+"""A sensor tells what is missing after a later reading, with its next acknowledgement. What is not
+told in this time was lost on the bus."""
+
 SETTLED_SECONDS = 10.0
-"""How long is waited for what is missing to be told: it takes less than one where nothing is."""
+"""How long is waited for the gateway's count of what was lost."""
 
 LOST = "lost on the bus"
 
@@ -136,10 +140,14 @@ class Ledger:
         soon, told or counted.
         """
         sensor = self._sensors[name]
-        deadline = time.monotonic() + SETTLED_SECONDS
+        begun = time.monotonic()
         episodes = self._episodes(sensor)
         until = tuple(episode.numbers.stop for episode in episodes)
-        while time.monotonic() < deadline and not self._explains(sensor, episodes):
+        while (
+            any(episode.lost() for episode in episodes)
+            and (waited := time.monotonic() - begun) < SETTLED_SECONDS
+            and (waited < TOLD_SECONDS or not self._explains(sensor, episodes))
+        ):
             time.sleep(0.1)
             episodes = self._episodes(sensor, until)
         lost = [_ranges(episode.lost()) for episode in episodes if episode.lost()]
