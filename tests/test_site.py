@@ -11,6 +11,8 @@ import yaml
 
 import groundlink
 import udp_bridge
+from groundlink.core import VERSION
+from tests.bridge.programs import need
 from tools.command_reference import page
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -53,6 +55,29 @@ def test_pages_outside_of_docs_belong_to_the_site(site: Path) -> None:
 def test_search_knows_the_pages(site: Path) -> None:
     index = (site / "search" / "search_index.json").read_text(encoding="utf-8")
     assert all(f'"{part}/' in index for part in PARTS)
+
+
+def test_search_works_in_a_page_from_the_disk(site: Path, tmp_path: Path) -> None:
+    need("chromium")
+    done = subprocess.run(
+        [
+            *("chromium", "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"),
+            *("--disable-dev-shm-usage", f"--user-data-dir={tmp_path / 'profile'}"),
+            *("--virtual-time-budget=10000", f"{(site / 'index.html').as_uri()}?q=backscatter"),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=90,
+        check=False,
+    )
+    assert "explanation/sensor-models.html?h=backscatter#lidar" in done.stdout, done.stderr
+
+
+def test_pages_have_the_version_and_formulas_without_a_script(site: Path) -> None:
+    page = (site / "explanation" / "sensor-models.html").read_text(encoding="utf-8")
+    assert f"- Groundlink {VERSION}</title>" in page
+    assert page.count("<math ") == text("explanation/sensor-models.md").count("```math\n") > 15
+    assert "\\frac" not in page
 
 
 def test_every_page_stands_in_one_of_the_four_parts() -> None:
