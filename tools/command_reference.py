@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from groundlink.__main__ import INTERRUPTED, TERMINATED
+from groundlink.cli import Subparsers
 from groundlink.cli.commands import parser
 from groundlink.core.errors import RequirementError, RunFailed, UserError
 
@@ -30,8 +31,15 @@ such as `tcp/HOST:7447`. `--connect` and `--run` choose a run on another host, o
 
 def page() -> str:
     """Return the page."""
-    texts = [_HEAD, "## Exit codes\n\n", _exit_codes()]
-    texts += [f"\n## {name}\n\n```\n{text}```\n" for name, text in _helps(parser())]
+    groundlink = parser()
+    (commands,) = _subparsers(groundlink)
+    texts = [_HEAD, "## Exit codes\n\n", _exit_codes(), _help("##", groundlink)]
+    for group in groundlink._action_groups:
+        names = [action.dest for action in group._group_actions if action.dest in commands.choices]
+        if names:
+            texts.append(f"\n## {(group.title or '').capitalize()}\n")
+        for name in names:
+            texts += [_help("###", command) for command in _with_below(commands.choices[name])]
     return "".join(texts)
 
 
@@ -54,14 +62,22 @@ def _first_line(error: type[UserError]) -> str:
     return (error.__doc__ or "").partition("\n")[0]
 
 
-def _helps(command: argparse.ArgumentParser) -> Iterator[tuple[str, str]]:
-    """Yield name and help of a command and of the commands below it."""
+def _help(heading: str, command: argparse.ArgumentParser) -> str:
+    """Return a section with the help of a command."""
     command.formatter_class = partial(argparse.HelpFormatter, width=_WIDTH)
-    yield command.prog, command.format_help()
-    for action in command._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for below in action.choices.values():
-                yield from _helps(below)
+    return f"\n{heading} {command.prog}\n\n```\n{command.format_help()}```\n"
+
+
+def _with_below(command: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    """Yield a command and the commands below it."""
+    yield command
+    for subparsers in _subparsers(command):
+        for below in subparsers.choices.values():
+            yield from _with_below(below)
+
+
+def _subparsers(command: argparse.ArgumentParser) -> list[Subparsers]:
+    return [a for a in command._actions if isinstance(a, argparse._SubParsersAction)]
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Table of commands and parser of the command line."""
+"""Table of commands in groups, and the parser of the command line."""
 
 import argparse
 
@@ -23,34 +23,18 @@ from .files import (
 )
 from .run import control, drive, fault, link, record, replay, save, spawn, sweep, top, up
 
-COMMANDS = (
-    up,
-    record,
-    replay,
-    convert,
-    export,
-    verify,
-    report,
-    top,
-    drive,
-    control,
-    save,
-    spawn,
-    fault,
-    check,
-    sensors,
-    schema,
-    explain,
-    topics,
-    link,
-    view,
-    snapshot,
-    world,
-    compose,
-    secure,
-    sweep,
-)
+GROUPS = {
+    "start a run": (up, record, replay, snapshot, sweep),
+    "look at a run": (top, view),
+    "control a run": (drive, control, save, spawn, fault, link),
+    "use a recording": (report, verify, export, convert),
+    "write a scenario": (check, explain, sensors, topics, schema, world),
+    "deploy": (compose, secure),
+}
+"""Modules of the commands, in the order and under the titles of `groundlink --help`."""
 
+
+PROGRAM = "groundlink"
 
 GREETING = """\
 Groundlink: a real-time test rig for unmanned ground vehicles
@@ -68,14 +52,23 @@ groundlink --help lists all commands.
 def parser() -> argparse.ArgumentParser:
     """Return the parser; `command` of its options is the function to call with them."""
     parser = argparse.ArgumentParser(
-        prog="groundlink",
+        prog=PROGRAM,
+        usage=f"{PROGRAM} [-h] [--version] COMMAND ...",
         description="A distributed real-time test rig for unmanned ground vehicles.",
+        add_help=False,
     )
-    parser.add_argument("--version", action="version", version=f"groundlink {VERSION}")
     parser.set_defaults(command=_greet)
-    subparsers = parser.add_subparsers(metavar="COMMAND")
-    for command in COMMANDS:
-        command.add_parser(subparsers)
+    subparsers = parser.add_subparsers(prog=PROGRAM, metavar="COMMAND", help=argparse.SUPPRESS)
+    for title, modules in GROUPS.items():
+        listed = len(subparsers._choices_actions)
+        for module in modules:
+            module.add_parser(subparsers)
+        # argparse would list all subcommands in one group.
+        group = parser.add_argument_group(title)
+        group._group_actions += subparsers._choices_actions[listed:]
+    options = parser.add_argument_group("options")
+    options.add_argument("-h", "--help", action="help", help="show this help message and exit")
+    options.add_argument("--version", action="version", version=f"{PROGRAM} {VERSION}")
     return parser
 
 
