@@ -53,17 +53,17 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser; `command` of its options is the function to call with them."""
     parser = argparse.ArgumentParser(
         prog=PROGRAM,
-        usage=f"{PROGRAM} [-h] [--version] COMMAND ...",
         description="A distributed real-time test rig for unmanned ground vehicles.",
         add_help=False,
     )
     parser.set_defaults(command=_greet)
-    subparsers = parser.add_subparsers(prog=PROGRAM, metavar="COMMAND", help=argparse.SUPPRESS)
+    subparsers = parser.add_subparsers(metavar="COMMAND")
+    # argparse would list all commands in one group.
+    parser._positionals._group_actions.remove(subparsers)
     for title, modules in GROUPS.items():
         listed = len(subparsers._choices_actions)
         for module in modules:
             module.add_parser(subparsers)
-        # argparse would list all subcommands in one group.
         group = parser.add_argument_group(title)
         group._group_actions += subparsers._choices_actions[listed:]
     options = parser.add_argument_group("options")
