@@ -4,11 +4,10 @@
 import argparse
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import track
-
 from groundlink.cli import Subparsers
 from groundlink.cli.run import running
+from groundlink.cli.terminal.json_output import add_json_option, print_json
+from groundlink.cli.terminal.progress import tracked
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
@@ -19,6 +18,7 @@ def add_parser(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser("convert", help="convert a recording to a ROS 1 bag")
     parser.add_argument("recording", metavar="RUN.mcap", help="recording to read")
     parser.add_argument("bag", metavar="RUN.bag", help="bag to write")
+    add_json_option(parser)
     parser.set_defaults(command=convert)
 
 
@@ -32,13 +32,13 @@ def convert(options: argparse.Namespace) -> int:
     if out.suffix != ".bag":
         raise UserError(f"{out}: expected a file name that ends in .bag")
     running.check_new_file("RUN.bag:", out)
-    console = Console()
     with Recording(Path(options.recording)) as recording:
-        messages = track(
-            recording.read(), str(out), total=recording.messages, console=console, transient=True
-        )
+        messages = tracked(recording.read(), f"writing {out.name}", recording.messages)
         with write_atomically(out) as part:
             count = write_bag(part, recording.types, messages)
-    size = out.stat().st_size / 1e6
-    console.print(f"wrote {out}: {count} messages, {size:.1f} MB", soft_wrap=True)
+    size = out.stat().st_size
+    if options.json:
+        print_json({"path": str(out), "messages": count, "bytes": size})
+    else:
+        print(f"wrote {out}: {count} messages, {size / 1e6:.1f} MB")
     return 0

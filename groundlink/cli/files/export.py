@@ -6,10 +6,11 @@ import importlib
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import track
 
 from groundlink.cli import Subparsers
 from groundlink.cli.terminal import output as terminal
+from groundlink.cli.terminal.json_output import add_json_option, print_json
+from groundlink.cli.terminal.progress import tracked
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import RequirementError, UserError
@@ -53,6 +54,7 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--to", dest="end_s", type=float, metavar="S", help="sim time to end before, in seconds"
     )
+    add_json_option(parser)
     parser.set_defaults(command=export)
 
 
@@ -64,7 +66,7 @@ def export(options: argparse.Namespace) -> int:
 
     out: Path = options.out
     _check_folder(out)
-    console = terminal.console()
+    console = terminal.console(stderr=options.json)
     formats = _formats(options, console)
     if options.frame and not {"tum", "kitti"} & set(formats):
         raise UserError("--frame: expected --tum or --kitti. Fix: add one of them")
@@ -78,19 +80,15 @@ def export(options: argparse.Namespace) -> int:
             frames=options.frame,
             start_s=options.start_s,
             end_s=options.end_s,
-            watch=lambda messages, total: track(
-                messages,
-                str(out),
-                total=total,
-                console=console,
-                transient=True,
-                # Without a terminal it would print an empty line.
-                disable=not console.is_terminal,
-            ),
+            watch=lambda messages, total: tracked(messages, f"writing {out.name}", total),
         )
         if not summary.paths:
             reasons = _by_reason(summary.left_out)
             raise UserError(f"{options.recording}: nothing to export: {'; '.join(reasons)}")
+    if options.json:
+        content = {"path": str(out), "files": summary.paths, "left_out": summary.left_out}
+        print_json(content)
+        return 0
     table = FittingTable(
         f"wrote {out}", (Column("file", "text"), Column("topic", "text"), Column("messages"))
     )

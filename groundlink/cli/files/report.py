@@ -2,13 +2,10 @@
 """`groundlink report RUN.mcap`: write a report of a recorded run as one HTML page."""
 
 import argparse
-import sys
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import Progress
-
 from groundlink.cli import Subparsers
+from groundlink.cli.terminal.progress import progress
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.extras import needs
 
@@ -35,11 +32,10 @@ def report(options: argparse.Namespace) -> int:
 
     out = options.out or options.recording.with_suffix(".html")
     with Recording(options.recording) as recording:
-        shown = Console(stderr=True)
-        with Progress(console=shown, transient=True, disable=not sys.stderr.isatty()) as progress:
-            task = progress.add_task(f"reading {options.recording.name}", total=1.0)
-            run = gather(recording, lambda share: progress.update(task, completed=share))
-        content = page(run)
+        with progress(f"reading {options.recording.name}") as done:
+            run = gather(recording, done)
+        with progress("drawing the page"):
+            content = page(run)
     with write_atomically(out) as part:
         part.write_text(content, encoding="utf-8")
     print(f"wrote {out}: {len(content) / 1e6:.1f} MB")

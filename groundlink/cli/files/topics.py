@@ -3,26 +3,28 @@
 
 import argparse
 
-from rich.console import Console
-
-from groundlink.bus.core_topics import ROOT
+from groundlink.bus.core_topics import ROOT, BusTopic
 from groundlink.bus.reference import reference
 from groundlink.bus.topics import TOPICS
 from groundlink.cli import Subparsers
+from groundlink.cli.terminal.json_output import add_json_option, print_json
+from groundlink.cli.terminal.output import console
 from groundlink.cli.terminal.tables import Column, FittingTable
 
-WIDTH = 180
+PLAIN_WIDTH = 180
 """Line width without a terminal."""
 
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("topics", help="list the streams of the bus")
-    parser.add_argument(
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument(
         "--markdown",
         action="store_true",
         help="print keys and messages as Markdown, as in docs/reference/bus.md",
     )
+    add_json_option(form)
     parser.set_defaults(command=topics)
 
 
@@ -31,21 +33,25 @@ def topics(options: argparse.Namespace) -> int:
     if options.markdown:
         print(reference(), end="")
         return 0
-    table = FittingTable(
-        f"keys under {ROOT}/<run>/",
-        (
-            Column("stream", "text"),
-            *(Column(name, "text") for name in ("key", "message", "rate", "publisher", "delivery")),
-        ),
-    )
-    for topic in TOPICS:
-        table.add_row(
-            topic.name,
-            topic.key,
-            topic.message.__name__,
-            topic.rate,
-            topic.publisher,
-            topic.delivery.value,
-        )
-    Console(width=None if Console().is_terminal else WIDTH).print(table)
+    rows = [_facts(topic) for topic in TOPICS]
+    if options.json:
+        print_json(rows)
+        return 0
+    columns = [Column(name, "text") for name in rows[0]]
+    table = FittingTable(f"keys under {ROOT}/<run>/", columns)
+    for row in rows:
+        table.add_row(*row.values())
+    console(plain_width=PLAIN_WIDTH).print(table)
     return 0
+
+
+def _facts(topic: BusTopic) -> dict[str, str]:
+    """Return a stream's row of the table."""
+    return {
+        "stream": topic.name,
+        "key": topic.key,
+        "message": topic.message.__name__,
+        "rate": topic.rate,
+        "publisher": topic.publisher,
+        "delivery": topic.delivery.value,
+    }

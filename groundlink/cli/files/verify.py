@@ -135,12 +135,11 @@ def _run(
     )
     recorder, monitor = supervised_run.children[running.RECORDER], supervised_run.monitor
 
-    def done(health: Health, pace: str) -> str:
-        return f"{min(health.tick * TICK_NANOS / NANOS, seconds):.1f} of {seconds:.1f} s{pace}"
+    def done(health: Health) -> tuple[float, str]:
+        return min(health.tick * TICK_NANOS / NANOS, seconds), ""
 
-    failed = supervised_run.go(
-        lambda: recorder.is_done, lambda: supervised.recorder_progress(monitor, done)
-    )
+    progress = supervised.RecorderProgress(monitor, seconds, done)
+    failed = supervised_run.go(lambda: recorder.is_done, lambda: progress)
     if failed:
         return supervised.exit_code(failed)
     if not verdict.exists():

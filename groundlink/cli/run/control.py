@@ -3,7 +3,6 @@
 
 import argparse
 import sys
-import threading
 import time
 
 from groundlink.bus.control_client import run_status, send_command
@@ -11,13 +10,15 @@ from groundlink.bus.core_topics import HEALTH, PHYSICS
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.cli import Subparsers
-from groundlink.core.clock import TICK_SECONDS
+from groundlink.cli.terminal.json_output import add_json_option, print_json
+from groundlink.cli.terminal.progress import progress
 from groundlink.core.errors import UserError
 from groundlink.episode.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
 from groundlink.messages.base import Health
 from groundlink.messages.stalls import Stalls
 from groundlink.process import runner as process
-from groundlink.process.joining import join
+
+from .connection import at_tick, joined, tick_text
 
 POLL_SECONDS = 0.05
 """Poll period while a command is in progress."""
@@ -39,6 +40,7 @@ def add_parser(subparsers: Subparsers) -> None:
                 "ticks", nargs="?", type=int, default=1, help="number of ticks (%(default)s)"
             )
         process.add_run_arguments(parser)
+        add_json_option(parser)
         parser.set_defaults(command=control, run_command=run_command)
 
 
@@ -48,17 +50,28 @@ def control(options: argparse.Namespace) -> int:
         raise UserError(f"step: expected 1 or more ticks, got {options.ticks}")
     command = options.run_command
     command = Step(options.ticks) if command is Step else command()
-    with Bus(connect=process.endpoint(options)) as bus:
-        run, _ = join(bus, options.run, threading.Event())
+    with joined(options) as (bus, run, _):
         stalls = StallReporter(bus, run)
         answer = send_command(bus, run, command)
-        while isinstance(command, Step) and not answer.paused:
+        if isinstance(command, Step):
+            answer = _stepped(bus, run, answer, command.ticks, stalls)
+    print_status(run, answer, as_json=options.json)
+    return 0
+
+
+def _stepped(
+    bus: Bus, run: str, answer: ControlAnswer, ticks: int, stalls: "StallReporter"
+) -> ControlAnswer:
+    """Return the state of the run when the steps after `answer` are done."""
+    end = answer.tick + ticks
+    with progress(f"run `{run}`: {ticks} ticks") as done:
+        while not answer.paused:
             time.sleep(POLL_SECONDS)
             answer = run_status(bus, run)
+            done(1 - (end - answer.tick) / ticks)
             if line := stalls.line(answer.tick):
                 print(line, file=sys.stderr)
-    print(status_line(run, answer))
-    return 0
+    return answer
 
 
 class StallReporter:
@@ -82,7 +95,10 @@ class StallReporter:
         return f"run `{self._run}`: waiting at tick {tick} for {names}" if silent else ""
 
 
-def status_line(run: str, answer: ControlAnswer) -> str:
-    """Return the state of a run as a line."""
-    state = "paused" if answer.paused else "running"
-    return f"run `{run}` is {state} at tick {answer.tick} ({answer.tick * TICK_SECONDS:.4f} s)"
+def print_status(run: str, answer: ControlAnswer, *, as_json: bool) -> None:
+    """Print the state of a run."""
+    if as_json:
+        print_json(at_tick(run, answer.tick, paused=answer.paused))
+    else:
+        state = "paused" if answer.paused else "running"
+        print(f"run `{run}` is {state} at {tick_text(answer.tick)}")

@@ -6,8 +6,7 @@ faults in the syntax of scenarios.
 """
 
 import argparse
-import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -15,13 +14,14 @@ import msgspec
 from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
 from groundlink.cli import Subparsers
-from groundlink.core.clock import TICK_SECONDS
+from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.episode.fault_messages import CLEAR, FaultAnswer
 from groundlink.process import runner as process
-from groundlink.process.joining import join
 from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.faults import KINDS, Fault, FaultSpec
+
+from .connection import at_tick, joined, tick_text
 
 ANSWER_SECONDS = 3.0
 """Timeout of a sensor, which may be busy with a revolution."""
@@ -46,6 +46,7 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     parser.add_argument("--list", action="store_true", help="list the active faults of all sensors")
     process.add_run_arguments(parser)
+    add_json_option(parser)
     parser.set_defaults(command=fault)
 
 
@@ -56,10 +57,10 @@ def fault(options: argparse.Namespace) -> int:
     wanted = None
     if not options.list:
         wanted = parsed(options.kind, options.parameters, options.seconds)
-    with Bus(connect=process.endpoint(options)) as bus:
-        run, scenario = join(bus, options.run, threading.Event())
+    with joined(options) as (bus, run, scenario):
         if options.list:
-            _show(bus, run, scenario.sensor_names())
+            answers = _all_answers(bus, run, scenario.sensor_names())
+            _print_answers(run, answers, as_json=options.json)
             return 0
         found = scenario.sensor(options.sensor)
         if found is None:
@@ -69,7 +70,8 @@ def fault(options: argparse.Namespace) -> int:
         if wanted is not None and (wrong := fault_problem(wanted, spec, vehicle)):
             raise UserError(f"{options.sensor}: `{wrong[0]}`: {wrong[1]}")
         query = CLEAR if wanted is None else msgspec.json.encode(wanted).decode()
-        print(_query(bus, run, options.sensor, query))
+        answer = _query(bus, run, options.sensor, query)
+    _print_answers(run, {options.sensor: answer}, as_json=options.json)
     return 0
 
 
@@ -115,25 +117,28 @@ def _value(text: str) -> float | str:
         return text
 
 
-def _show(bus: Bus, run: str, sensors: Sequence[str]) -> None:
+def _all_answers(bus: Bus, run: str, sensors: Sequence[str]) -> dict[str, FaultAnswer | None]:
+    """Return the answer of every sensor; None if its process does not respond."""
     replies = bus.query(faults_key(run, "*/*"), seconds=ANSWER_SECONDS)
     answers = {key.rpartition("/")[0]: payload for key, payload in replies.items()}
-    for sensor in sensors:
-        payload = answers.get(faults_key(run, sensor))
-        print(f"{sensor}: does not respond" if payload is None else _answer_text(sensor, payload))
+    payloads = {sensor: answers.get(faults_key(run, sensor)) for sensor in sensors}
+    return {
+        sensor: None if payload is None else _decoded(sensor, payload)
+        for sensor, payload in payloads.items()
+    }
 
 
-def _query(bus: Bus, run: str, sensor: str, query: str) -> str:
+def _query(bus: Bus, run: str, sensor: str, query: str) -> FaultAnswer:
     replies = bus.query(faults_key(run, sensor), query, seconds=ANSWER_SECONDS)
     if not replies:
         raise UserError(
             f"run `{run}`: {sensor} does not respond. Fix: check that its process is running"
         )
-    return _answer_text(sensor, next(iter(replies.values())))
+    return _decoded(sensor, next(iter(replies.values())))
 
 
-def _answer_text(sensor: str, payload: bytes) -> str:
-    """Return the answer of a sensor as lines.
+def _decoded(sensor: str, payload: bytes) -> FaultAnswer:
+    """Return the answer of a sensor.
 
     Raises
     ------
@@ -143,5 +148,24 @@ def _answer_text(sensor: str, payload: bytes) -> str:
     answer = msgspec.json.decode(payload, type=FaultAnswer)
     if answer.error:
         raise UserError(f"{sensor}: {answer.error}")
-    head = f"{sensor}, from tick {answer.tick} ({answer.tick * TICK_SECONDS:.4f} s):"
+    return answer
+
+
+def _print_answers(run: str, answers: Mapping[str, FaultAnswer | None], *, as_json: bool) -> None:
+    """Print the active faults of sensors; in JSON `active` is null if a sensor did not respond."""
+    if as_json:
+        print_json([_facts(run, *answer) for answer in answers.items()])
+        return
+    for sensor, answer in answers.items():
+        print(f"{sensor}: does not respond" if answer is None else _text(sensor, answer))
+
+
+def _facts(run: str, sensor: str, answer: FaultAnswer | None) -> dict[str, object]:
+    if answer is None:
+        return {"run": run, "sensor": sensor, "active": None}
+    return at_tick(run, answer.tick, sensor=sensor, active=answer.active)
+
+
+def _text(sensor: str, answer: FaultAnswer) -> str:
+    head = f"{sensor}, from {tick_text(answer.tick)}:"
     return "\n  ".join([head, *map(str, answer.active)]) if answer.active else f"{head} no fault"

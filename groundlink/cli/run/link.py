@@ -13,6 +13,7 @@ import msgspec
 from groundlink.bus.queries import link_key
 from groundlink.bus.session import Bus
 from groundlink.cli import Subparsers
+from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.core.errors import UserError
 from groundlink.emulation.arguments import add_arguments, command_line, impairments
 from groundlink.process import runner as process
@@ -27,9 +28,7 @@ def add_parser(subparsers: Subparsers) -> None:
         "link", help="relay datagrams with impairments, or change the emulated link of a run"
     )
     add_arguments(parser)
-    parser.add_argument(
-        "--json", action="store_true", help="print the counters of the relay as JSON"
-    )
+    add_json_option(parser, "print the counters of the relay, or the link of the run, as JSON")
     run = parser.add_argument_group("change the emulated link of a run instead")
     run.add_argument("--run", help="name of the run")
     run.add_argument("--connect", metavar="ENDPOINT", help="router of the run")
@@ -65,6 +64,9 @@ def link(options: argparse.Namespace) -> int:
     )
     if error:
         raise UserError(error)
+    if options.json:
+        print_json({"run": options.run, "settings": settings})
+        return 0
     for direction, fields in settings.items():
         print(f"{direction}: " + ", ".join(f"{name} {value}" for name, value in fields.items()))
     return 0

@@ -72,13 +72,11 @@ def record(options: argparse.Namespace) -> int:
     )
     recorder, monitor = supervised_run.children[running.RECORDER], supervised_run.monitor
 
-    def done(health: Health, pace: str) -> str:
-        size = f"{health.counters['bytes'] / 1e6:.1f} MB"
-        return f"{monitor.sim_seconds:.1f} of {options.duration:g} s{pace}, {size}"
+    def done(health: Health) -> tuple[float, str]:
+        return monitor.sim_seconds, f", {health.counters['bytes'] / 1e6:.1f} MB"
 
-    failed = supervised_run.go(
-        lambda: recorder.is_done, lambda: supervised.recorder_progress(monitor, done)
-    )
+    progress = supervised.RecorderProgress(monitor, options.duration, done)
+    failed = supervised_run.go(lambda: recorder.is_done, lambda: progress)
     if failed:
         return supervised.exit_code(failed)
     return _verdict(console, out, monitor)

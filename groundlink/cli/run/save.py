@@ -7,25 +7,21 @@ files. The command checks a file before it sends anything.
 
 import argparse
 import sys
-import threading
 import time
 from pathlib import Path
 
 from groundlink.bus.control_client import fetch_journal, run_status, send_command
-from groundlink.bus.session import Bus
 from groundlink.cli import Subparsers
-from groundlink.core.clock import TICK_SECONDS
+from groundlink.cli.terminal.json_output import add_json_option, print_json
+from groundlink.cli.terminal.progress import progress
 from groundlink.core.errors import UserError
 from groundlink.episode import journal
 from groundlink.episode.control import Restore
 from groundlink.process import runner as process
-from groundlink.process.joining import join
 
-from .control import POLL_SECONDS, status_line
+from .connection import at_tick, joined, tick_text
+from .control import POLL_SECONDS, print_status
 from .running import check_new_file
-
-SHOW_SECONDS = 1.0
-"""Period of progress lines."""
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -35,19 +31,22 @@ def add_parser(subparsers: Subparsers) -> None:
     for parser, command in ((save_parser, save), (restore_parser, restore)):
         parser.add_argument("file", type=Path, metavar="FILE", help="such as half_way.run")
         process.add_run_arguments(parser)
+        add_json_option(parser)
         parser.set_defaults(command=command)
 
 
 def save(options: argparse.Namespace) -> int:
     """Save the state of a run to a file."""
     check_new_file("save", options.file)
-    with Bus(connect=process.endpoint(options)) as bus:
-        run, _ = join(bus, options.run, threading.Event())
+    with joined(options) as (bus, run, _), progress(f"run `{run}`: fetching its journal"):
         content = fetch_journal(bus, run)
     saved = journal.loaded(content, f"run `{run}`")
     journal.write(options.file, content)
-    at = f"tick {saved.tick} ({saved.tick * TICK_SECONDS:.4f} s)"
-    print(f"run `{run}`: saved {at} to {options.file}, {len(content) / 1e6:.1f} MB")
+    if options.json:
+        print_json(at_tick(run, saved.tick, path=str(options.file), bytes=len(content)))
+    else:
+        size = f"{len(content) / 1e6:.1f} MB"
+        print(f"run `{run}`: saved {tick_text(saved.tick)} to {options.file}, {size}")
     return 0
 
 
@@ -55,19 +54,15 @@ def restore(options: argparse.Namespace) -> int:
     """Restore the state of a run from a file."""
     content = journal.read(options.file)
     journal.loaded(content, str(options.file))
-    with Bus(connect=process.endpoint(options)) as bus:
-        run, _ = join(bus, options.run, threading.Event())
+    with joined(options) as (bus, run, _), progress(f"restoring {options.file.name}") as done:
         answer = send_command(bus, run, Restore(), content=content)
-        shown = time.monotonic()
         while answer.restoring_to >= 0:
-            if time.monotonic() - shown >= SHOW_SECONDS:
-                shown = time.monotonic()
-                print(f"restoring: tick {answer.tick} of {answer.restoring_to}", flush=True)
+            done(answer.tick / max(answer.restoring_to, 1))
             time.sleep(POLL_SECONDS)
             answer = run_status(bus, run)
     if answer.failure:
         raise UserError(f"run `{run}`: {answer.failure}; the run is unchanged")
     if answer.warning:
         print(f"groundlink: warning: {answer.warning}", file=sys.stderr)
-    print(status_line(run, answer))
+    print_status(run, answer, as_json=options.json)
     return 0

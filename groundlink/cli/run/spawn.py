@@ -6,20 +6,20 @@ The command reads the files; physics receives their content and checks for free 
 
 import argparse
 import sys
-import threading
 
 from groundlink.bus.control_client import send_command
-from groundlink.bus.session import Bus
 from groundlink.cli import Subparsers
-from groundlink.core.clock import TICK_SECONDS
+from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.core.errors import UserError
 from groundlink.episode.control import ControlAnswer, Remove, Spawn
 from groundlink.loader.additions import KINDS, SpawnPlace, addition, check_addition
 from groundlink.process import runner as process
-from groundlink.process.joining import join, join_world
+from groundlink.process.joining import join_world
 from groundlink.scene.bodies import link_bodies
 from groundlink.scene.build import solids
 from groundlink.scene.spawn_checks import ground_of
+
+from .connection import at_tick, joined, tick_text
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -45,14 +45,14 @@ def add_parser(subparsers: Subparsers) -> None:
     take.set_defaults(command=remove)
     for parser in (put, take):
         process.add_run_arguments(parser)
+        add_json_option(parser)
 
 
 def spawn(options: argparse.Namespace) -> int:
     """Add an object to a run."""
     at = _place(options.at)
     check_addition(options.what)
-    with Bus(connect=process.endpoint(options)) as bus:
-        run, scenario = join_world(bus, options.run, threading.Event())
+    with joined(options, joining=join_world) as (bus, run, scenario):
         names = [vehicle.name for vehicle in scenario.vehicles]
         names += [solid.name for solid in solids(scenario)]
         name, more = addition(
@@ -64,22 +64,27 @@ def spawn(options: argparse.Namespace) -> int:
             warn=lambda line: print(line, file=sys.stderr),
         )
         answer = send_command(bus, run, Spawn(more))
-    print(f"run `{run}`: added `{name}` {_from(answer)}")
+    _print_change(run, "added", name, answer, as_json=options.json)
     return 0
 
 
 def remove(options: argparse.Namespace) -> int:
     """Remove an object from a run."""
-    with Bus(connect=process.endpoint(options)) as bus:
-        run, _ = join(bus, options.run, threading.Event())
+    with joined(options) as (bus, run, _):
         answer = send_command(bus, run, Remove(options.name))
-    print(f"run `{run}`: removed `{options.name}` {_from(answer)}")
+    _print_change(run, "removed", options.name, answer, as_json=options.json)
     return 0
 
 
-def _from(answer: ControlAnswer) -> str:
+def _print_change(
+    run: str, change: str, name: str, answer: ControlAnswer, *, as_json: bool
+) -> None:
+    """Print a change of the world, in effect from the next tick."""
     tick = answer.tick + 1
-    return f"at tick {tick} ({tick * TICK_SECONDS:.4f} s)"
+    if as_json:
+        print_json(at_tick(run, tick, **{change: name}))
+    else:
+        print(f"run `{run}`: {change} `{name}` at {tick_text(tick)}")
 
 
 def _place(text: str) -> SpawnPlace:

@@ -6,7 +6,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.progress_bar import ProgressBar
+from rich.table import Table
 from rich.text import Text
 
 from groundlink.bus.core_topics import HEALTH, RECORDER
@@ -20,6 +22,8 @@ from groundlink.monitor.supervisor import EXPLAINED, Child, Supervisor
 
 LINES_SHOWN = 5
 """Number of log lines below the live status."""
+
+BAR_WIDTH = 30
 
 LINES_KEPT = 500
 """Number of log lines printed after the run."""
@@ -135,13 +139,40 @@ class SupervisedRun:
         return Group(picture, *(Text(line, no_wrap=True, overflow="ellipsis") for line in newest))
 
 
-def recorder_progress(monitor: RunMonitor, text: Callable[[Health, str], str]) -> Text:
-    """Return the text of the recorder's health and the run's pace, once the recorder has begun."""
-    health = monitor.health.get(RECORDER)
-    if health is None or health.tick < 0:
-        return Text("starting")
-    factor = monitor.real_time_factor
-    return Text(text(health, "" if factor is None else f", {factor:.2f} x real time"))
+class RecorderProgress:
+    """Sim time that a recorder has processed, of its duration: a bar on terminals, and figures.
+
+    Parameters
+    ----------
+    monitor
+        monitor of the run.
+    seconds
+        sim time at the end.
+    done
+        returns the sim time that is done and more figures, from the recorder's health.
+    """
+
+    def __init__(
+        self, monitor: RunMonitor, seconds: float, done: Callable[[Health], tuple[float, str]]
+    ) -> None:
+        self._monitor, self._seconds, self._done = monitor, seconds, done
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Render one line."""
+        health = self._monitor.health.get(RECORDER)
+        if health is None or health.tick < 0:
+            yield Text("starting")
+            return
+        done_seconds, figures = self._done(health)
+        factor = self._monitor.real_time_factor
+        pace = "" if factor is None else f", {factor:.2f} x real time"
+        text = Text(f"{done_seconds:.1f} of {self._seconds:.1f} s{pace}{figures}")
+        if not console.is_terminal:
+            yield text
+            return
+        line = Table.grid(padding=(0, 1))
+        line.add_row(ProgressBar(self._seconds, done_seconds, width=BAR_WIDTH), text)
+        yield line
 
 
 def exit_code(child: Child) -> int:

@@ -5,7 +5,6 @@ Subscribes only, except for a query for the settings of the emulated link.
 """
 
 import argparse
-import json
 import time
 from collections import deque
 from typing import Any
@@ -22,6 +21,7 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import process_names
 from groundlink.cli import Subparsers
 from groundlink.cli.run.dashboard import streams_table
+from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.cli.terminal.output import console, stop_on_signals
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.episode.fault_messages import kinds_in
@@ -29,8 +29,9 @@ from groundlink.messages import missing_readings
 from groundlink.messages.base import Health
 from groundlink.monitor.overview import Overview
 from groundlink.process import runner as process
-from groundlink.process.joining import join
 from groundlink.scenario import Scenario
+
+from .connection import joined
 
 PERIOD_SECONDS = 1.0
 """Period of JSON objects and of queries for the link."""
@@ -45,7 +46,7 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("top", help="show the processes and streams of a run, live")
     process.add_run_arguments(parser)
-    parser.add_argument("--json", action="store_true", help="print a JSON object each second")
+    add_json_option(parser, "print a JSON object each second")
     parser.add_argument("--once", action="store_true", help="print the state once and exit")
     parser.set_defaults(command=top)
 
@@ -54,8 +55,7 @@ def top(options: argparse.Namespace) -> int:
     """Show a run until Ctrl-C."""
     stop = stop_on_signals()
     shown = console()
-    with Bus(connect=process.endpoint(options), observer=True) as bus:
-        run, scenario = join(bus, options.run, stop)
+    with joined(options, stop=stop, observer=True) as (bus, run, scenario):
         overview = Overview(run, declared_rates(scenario))
         prefix = HEALTH.key_in(run, process="")
         moves: deque[tuple[str, bool]] = deque()
@@ -72,7 +72,7 @@ def top(options: argparse.Namespace) -> int:
         def show(now: float) -> None:
             _query_link(bus, run, scenario, overview)
             if options.json:
-                print(json.dumps(overview.snapshot(now)), flush=True)
+                print_json(overview.snapshot(now), indent=None)
             elif not live:
                 shown.print(picture(overview, now))
 

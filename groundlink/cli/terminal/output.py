@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Terminal output: a live display, and Ctrl-C. Without a terminal it prints periodically."""
+"""Terminal output: consoles, a live display, and Ctrl-C.
 
+Without a terminal the display prints periodically.
+"""
+
+import shutil
 import signal
 import sys
 import threading
@@ -15,11 +19,22 @@ PLAIN_PERIOD_SECONDS = 5.0
 """Period of the display without a terminal."""
 
 PLAIN_WIDTH = 110
+"""Width without a terminal, unless COLUMNS is set."""
 
 
-def console() -> Console:
-    """Return the console of a command."""
-    return Console() if sys.stdout.isatty() else Console(width=PLAIN_WIDTH)
+def console(*, stderr: bool = False, plain_width: int = PLAIN_WIDTH) -> Console:
+    """Return the console of a command: stdout, or stderr of a command that prints JSON.
+
+    Colors appear on terminals only, and not with NO_COLOR.
+    """
+    if (sys.stderr if stderr else sys.stdout).isatty():
+        return Console(stderr=stderr)
+    return Console(stderr=stderr, width=width(plain_width))
+
+
+def width(plain_width: int = PLAIN_WIDTH) -> int:
+    """Return the width of the terminal, or COLUMNS."""
+    return shutil.get_terminal_size((plain_width, 0)).columns
 
 
 def say(shown: Console, line: str) -> None:

@@ -65,7 +65,7 @@ def test_what_was_recorded_keeps_its_numbers_and_leaves_out_what_never_happened(
 def test_the_topics_of_the_bus_are_shown_whole(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], width: int
 ) -> None:
-    monkeypatch.setattr("groundlink.cli.files.topics.WIDTH", width)
+    monkeypatch.setenv("COLUMNS", str(width))
     assert main(["topics"]) == 0
     out = capsys.readouterr().out
     cells = {cell.strip() for text in out.splitlines() for cell in text.split("│")}
