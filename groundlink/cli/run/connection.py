@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from groundlink.bus.session import Bus
-from groundlink.cli.terminal.json_output import print_json
 from groundlink.cli.terminal.progress import progress
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.process import runner as process
