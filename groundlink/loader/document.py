@@ -91,6 +91,17 @@ def read(file: Path) -> Document:
         raise ScenarioError(f"{file}: {(error.strerror or str(error)).lower()}") from None
     except UnicodeDecodeError as error:
         raise ScenarioError(f"{file}: not UTF-8 text ({error.reason})") from None
+    return parse(text, file)
+
+
+def parse(text: str, file: Path) -> Document:
+    """Return the data of a YAML text, which stands in a file or is named like one.
+
+    Raises
+    ------
+    ScenarioError
+        when it is not YAML, or when a key stands twice.
+    """
     try:
         node = _compose(text, file)
     except yaml.MarkedYAMLError as error:

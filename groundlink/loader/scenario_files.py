@@ -4,6 +4,7 @@
 References are followed first, then the whole is checked against the schema, then across fields.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from . import urdf
 from .asset_import import import_assets
 from .checks import check_scenario, check_speeds
 from .document import DataPath, Document, ScenarioError, read
+from .field_changes import FieldChange
 from .scatter import place_scatter
 from .terrain_placement import place_outdoors, place_solids
 from .validation_errors import convert
@@ -43,12 +45,14 @@ class _RouteFile(msgspec.Struct):
     route: Route
 
 
-def load(file: str | Path, *, warn: Warn = ignore_warning) -> Scenario:
+def load(
+    file: str | Path, *, changes: Iterable[FieldChange] = (), warn: Warn = ignore_warning
+) -> Scenario:
     """Return the scenario of `file` and the files it names.
 
     `file` may be the name of a shipped scenario; see `scenario_file`.
 
-    `warn` receives warnings about heightmaps and meshes.
+    `changes` replace fields. `warn` receives warnings about heightmaps and meshes.
 
     Raises
     ------
@@ -56,7 +60,9 @@ def load(file: str | Path, *, warn: Warn = ignore_warning) -> Scenario:
         with one line: file, line, field, what was expected and how to mend it.
     """
     document = read(scenario_file(file))
-    scenario = resolved(document, warn)
+    # A new data sheet has to be followed; a field of one is there only afterwards.
+    late = [change for change in changes if not change.apply_where_written(document)]
+    scenario = resolved(document, warn, late)
     check_scenario(scenario, document)
     return scenario
 
@@ -81,8 +87,12 @@ def scenario_file(given: str | Path) -> Path:
     )
 
 
-def resolved(document: Document, warn: Warn = ignore_warning) -> Scenario:
+def resolved(
+    document: Document, warn: Warn = ignore_warning, changes: Iterable[FieldChange] = ()
+) -> Scenario:
     """Return the scenario of a document and the files it names, without the checks across fields.
+
+    `changes` replace fields of the files, too.
 
     Raises
     ------
@@ -90,6 +100,8 @@ def resolved(document: Document, warn: Warn = ignore_warning) -> Scenario:
         as `load` does.
     """
     _follow_references(document, warn)
+    for change in changes:
+        change.apply(document)
     import_assets(document, warn)
     place_scatter(document)
     place_outdoors(document)

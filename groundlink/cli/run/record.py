@@ -14,7 +14,7 @@ from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
-from groundlink.loader import load
+from groundlink.loader import field_changes, load
 from groundlink.messages.base import Health
 from groundlink.monitor import process_commands
 from groundlink.monitor.run_monitor import RATE_TOLERANCE, RunMonitor
@@ -43,12 +43,13 @@ def add_parser(subparsers: Subparsers) -> None:
         "--realtime", action="store_true", help="run in real time instead of as fast as possible"
     )
     running.add_arguments(parser, "scenario's", ros=False)
+    field_changes.add_argument(parser)
     parser.set_defaults(command=record)
 
 
 def record(options: argparse.Namespace) -> int:
     """Record a run; return 0 if the file has every declared rate."""
-    scenario = load(options.scenario)
+    scenario = load(options.scenario, changes=field_changes.field_changes(options.set))
     out = Path(options.out)
     if not options.duration > 0:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
@@ -59,6 +60,7 @@ def record(options: argparse.Namespace) -> int:
     del commands["gateway"]
     commands["physics"] += ["--mode", "realtime" if options.realtime else "fast"]
     commands["physics"] += ["--lockstep", "sensors"]  # no ROS node takes part
+    commands["physics"] += field_changes.forwarded(options)
     commands[running.RECORDER] = [
         *running.recorder(options.out, run, options.listen),
         *("--duration", f"{options.duration:g}"),

@@ -1,48 +1,211 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`groundlink sweep EXPERIMENT --vary SENSOR.FIELD=[...]`: repeat an experiment with variations.
+"""`groundlink sweep SCENARIO --set FIELD=A,B`: record a scenario with other values; table figures.
 
-Passes its arguments to the experiments, which are not part of the package: they require a clone of
-the repository and third-party programs.
+Also `groundlink sweep EXPERIMENT --vary SENSOR.FIELD=[A, B]`, which repeats an experiment of the
+repository. The experiments are not part of the package.
 """
 
 import argparse
+import csv
+import itertools
 import os
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
-from groundlink.cli import Subparsers
-from groundlink.core.errors import UserError
+from rich.console import Console
 
-MODULE = "experiments.studies.sweep"
+from groundlink.cli import Subparsers
+from groundlink.cli.terminal import output as terminal
+from groundlink.cli.terminal.tables import Column, FittingTable
+from groundlink.core.atomic_file import write_atomically
+from groundlink.core.errors import UserError
+from groundlink.core.extras import needs
+from groundlink.loader import field_changes, load
+from groundlink.monitor.process_commands import free_endpoint
+
+from .running import SCENARIO_HELP
+
+EXPERIMENTS = "experiments.studies.sweep"
 REPOSITORY = Path(__file__).resolve().parents[3]
-NO_PREFIX = "\0"
-"""Starts no option: all arguments belong to the module, `--help` too."""
+
+CHECK = "check"
+"""Column of what `--check` printed."""
+
+INTERRUPTED = 130
+
+
+Case = tuple[field_changes.FieldChange, ...]
+"""The changed fields of a run."""
 
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser(
         "sweep",
-        help="repeat an experiment with varied sensors and mounts; print a table of errors",
-        add_help=False,
-        prefix_chars=NO_PREFIX,
+        help="record a scenario with several values of its fields; print a table of figures",
+        description="Record a scenario once for each value, or each combination of values, and "
+        "print a table of the figures that differ. With --vary: repeat an experiment of the "
+        "repository, and print a table of its errors.",
     )
-    parser.add_argument("words", nargs="*")
+    parser.add_argument("scenario", help=f"{SCENARIO_HELP}; with --vary an experiment")
+    way = parser.add_mutually_exclusive_group(required=True)
+    way.add_argument(
+        "--set",
+        action="append",
+        metavar="FIELD=VALUE,...",
+        help="values of a field, such as lidar.dropout=0,0.1; repeatable, for all combinations",
+    )
+    way.add_argument(
+        "--vary",
+        action="append",
+        metavar="SENSOR.FIELD=[A,...]",
+        help="values of a field of an experiment's sensor; repeatable",
+    )
+    parser.add_argument("--duration", metavar="S", help="sim time of each run (default 30 s)")
+    parser.add_argument(
+        "--check",
+        metavar="COMMAND",
+        help="shell command to run on each recording, whose name is its last argument; its last "
+        "line becomes a column, and an exit code other than 0 a failure",
+    )
+    parser.add_argument("--seeds", metavar="N", help="with --vary: runs of each (default 1)")
+    parser.add_argument("--short", action="store_true", help="with --vary: 20 s of driving")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FOLDER",
+        help="new folder for the recordings and table.csv (default: none are kept); with --vary: "
+        "folder of the experiments",
+    )
     parser.set_defaults(command=sweep)
 
 
 def sweep(options: argparse.Namespace) -> int:
-    """Run the sweep; return its exit code."""
+    """Run all cases; return 0 if every run kept its rates and every check succeeded."""
+    if options.vary:
+        return _sweep_experiment(options)
+    return _sweep_scenario(options)
+
+
+def _sweep_scenario(options: argparse.Namespace) -> int:
+    with needs("report"):
+        from groundlink.report.analysis.key_figures import key_figures_of
+
+    cases: list[Case] = list(itertools.product(*map(field_changes.alternatives, options.set)))
+    for case in cases:  # mistakes are found before the first run
+        load(options.scenario, changes=case)
+    console = terminal.console()
+    rows, failed = [], []
+    with _folder(options.out) as folder:
+        for number, case in enumerate(cases, 1):
+            words = ", ".join(change.text for change in case)
+            terminal.say(console, f"{number} of {len(cases)}: {words}")
+            recording = folder / f"{number}.mcap"
+            code = _record(options, case, recording)
+            if code not in (0, 1) or not recording.exists():
+                return code or 1
+            row = {change.field: change.text.partition("=")[2] for change in case}
+            if options.check:
+                row[CHECK], check_code = _checked(options.check, recording)
+                code = code or check_code
+            row |= {name: f"{value:.5g}" for name, value in key_figures_of(recording).items()}
+            rows.append(row)
+            failed += [words] if code else []
+            if not options.out:
+                recording.unlink()
+        if options.out:
+            _write_csv(folder / "table.csv", rows)
+    _show(console, options.scenario, rows, varied=len(options.set))
+    for words in failed:
+        terminal.say(console, f"failed: {words}")
+    return 1 if failed else 0
+
+
+@contextmanager
+def _folder(out: Path | None) -> Iterator[Path]:
+    """Yield the folder of the recordings: the given one, or one that is removed."""
+    if out:
+        if out.exists():
+            raise UserError(f"--out {out}: file exists. Fix: choose another name")
+        out.mkdir(parents=True)
+        yield out
+        return
+    with tempfile.TemporaryDirectory(prefix="groundlink-sweep-") as name:
+        yield Path(name)
+
+
+def _record(options: argparse.Namespace, case: Case, recording: Path) -> int:
+    """Record a case; return the exit code. Errors are printed, the tables of `record` are not."""
+    words = ["record", options.scenario, "--out", str(recording), "--listen", free_endpoint()]
+    words += ["--duration", options.duration] if options.duration else []
+    words += [word for change in case for word in ("--set", change.text)]
+    return _ended([sys.executable, "-m", "groundlink", *words], stdout=subprocess.DEVNULL)
+
+
+def _checked(command: str, recording: Path) -> tuple[str, int]:
+    """Run the check on a recording; return its last line, and its exit code."""
+    done = subprocess.run(
+        ["/bin/sh", "-c", f'{command} "$1"', "sh", str(recording)],
+        stdout=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    last = (done.stdout.strip().splitlines() or ["-"])[-1]
+    return last, done.returncode
+
+
+def _columns(rows: Sequence[Mapping[str, str]]) -> list[str]:
+    return list(dict.fromkeys(name for row in rows for name in row))
+
+
+def _write_csv(file: Path, rows: Sequence[Mapping[str, str]]) -> None:
+    with write_atomically(file) as part, part.open("w", newline="", encoding="utf-8") as opened:
+        writer = csv.DictWriter(opened, _columns(rows))
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def _show(console: Console, title: str, rows: Sequence[Mapping[str, str]], varied: int) -> None:
+    """Print the table: the changed fields, the check, and the figures that differ."""
+    names = _columns(rows)
+    same = [name for name in names[varied:] if len({row.get(name) for row in rows}) == 1]
+    shown = [name for name in names if name not in same or name == CHECK]
+    columns = [Column(name, "words" if name == CHECK else "number") for name in shown]
+    table = FittingTable(title, columns)
+    for row in rows:
+        table.add_row(*(row.get(name, "-") for name in shown))
+    console.print(table)
+
+
+def _sweep_experiment(options: argparse.Namespace) -> int:
     if not (REPOSITORY / "experiments").is_dir():
         raise UserError(
             "sweep: the experiments are not installed. Fix: run it in a clone of the repository"
         )
-    command = [sys.executable, "-m", MODULE, *options.words]
+    if options.check or options.duration:
+        raise UserError("sweep: --check and --duration apply to scenarios, not with --vary")
+    words = [options.scenario, *(word for text in options.vary for word in ("--vary", text))]
+    words += ["--short"] if options.short else []
+    for name, value in (("--seeds", options.seeds), ("--out", options.out)):
+        words += [name, str(value)] if value else []
     path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
+    return _ended(
+        [sys.executable, "-m", EXPERIMENTS, *words], env=os.environ | {"PYTHONPATH": path}
+    )
+
+
+def _ended(
+    command: Sequence[str],
+    *,
+    stdout: int | None = None,
+    env: Mapping[str, str] | None = None,
+) -> int:
+    """Run a command; return its exit code, also after Ctrl-C, which reaches it as well."""
     try:
-        return subprocess.run(
-            command, env=os.environ | {"PYTHONPATH": path}, check=False
-        ).returncode
+        return subprocess.run(command, stdout=stdout, env=env, check=False).returncode
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED

@@ -18,7 +18,7 @@ from groundlink.core import VERSION
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.episode import journal
-from groundlink.loader import load, time_options
+from groundlink.loader import field_changes, load, time_options
 from groundlink.messages.base import NOT_REPORTED
 from groundlink.monitor import process_commands
 from groundlink.monitor.run_monitor import RunMonitor
@@ -55,6 +55,7 @@ def add_parser(subparsers: Subparsers) -> None:
         help="run all sensors in one process: less overhead, but they wait for each other",
     )
     parser.add_argument("--record", metavar="RUN.mcap", help="also record the run to a file")
+    field_changes.add_argument(parser)
     time_options.add_arguments(parser)
     parser.set_defaults(command=up)
 
@@ -63,8 +64,10 @@ def up(options: argparse.Namespace) -> int:
     """Run a scenario until Ctrl-C or `--duration`; return 0 if every declared rate was kept."""
     if journal.is_saved_run(file := Path(options.scenario)):
         described = journal.loaded(journal.read(file), options.scenario).remaining_scenario()
+        if options.set:
+            raise UserError("--set: a saved run keeps its scenario. Fix: pass a scenario file")
     else:
-        described = load(options.scenario)
+        described = load(options.scenario, changes=field_changes.field_changes(options.set))
     scenario = time_options.with_time_options(described, options)
     if options.duration is not None and not options.duration > 0:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
@@ -78,7 +81,7 @@ def up(options: argparse.Namespace) -> int:
         *(scenario, options.scenario, run, options.listen),
         sensors_together=options.sensors_together,
     )
-    commands["physics"] += time_options.forwarded(options)
+    commands["physics"] += field_changes.forwarded(options) + time_options.forwarded(options)
     if options.record:
         commands["physics"] += ["--wait-for", running.RECORDER]
         commands[running.RECORDER] = running.recorder(options.record, run, options.listen)

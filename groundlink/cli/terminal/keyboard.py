@@ -14,8 +14,6 @@ FASTER = 1.1
 ARROWS = {b"\x1b[A": "w", b"\x1b[B": "s", b"\x1b[C": "d", b"\x1b[D": "a"}
 """Arrow keys (ECMA-48 CUU, CUD, CUF, CUB) as letters."""
 
-HELP = "w a s d or arrows: drive, space: stop, + -: speed, ] [: turn rate, q: quit"
-
 
 def keys(typed: bytes) -> Iterator[str]:
     """Yield the keys of a terminal's bytes; skip other escape sequences."""
@@ -40,12 +38,23 @@ class Keyboard:
         top speed of the vehicle.
     """
 
+    help = "w a s d or arrows: drive, space: stop, + -: speed, ] [: turn rate, q: quit"
+    """How to drive, in one line."""
+
     def __init__(self, *, speed_mps: float = 0.5, turn_radps: float = 0.8, max_mps: float) -> None:
         self._max_mps = max_mps
         self.speed_mps = min(speed_mps, max_mps)
         self.turn_radps = turn_radps
         self._ahead = self._left = 0
         self._pressed_seconds = -DEAD_MAN_SECONDS
+
+    def read(self, data: bytes, now_seconds: float) -> bool:
+        """Process typed bytes; return whether to continue."""
+        for key in keys(data):
+            if key == "q":
+                return False
+            self.pressed(key, now_seconds)
+        return True
 
     def pressed(self, key: str, now_seconds: float) -> None:
         """Process a key; ignore unknown keys."""

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.episode import journal
 from groundlink.episode.journal import Journal
-from groundlink.loader import load, time_options
+from groundlink.loader import field_changes, load, time_options
 from groundlink.scenario import Scenario
 
 
@@ -41,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--only", metavar="VEHICLE/SENSOR", help="leave out all other sensors of the scenario"
     )
+    field_changes.add_argument(parser)
     time_options.add_arguments(parser)
 
 
@@ -54,6 +55,8 @@ def source_of(options: argparse.Namespace) -> RunSource:
     """
     if (options.scenario is None) == (options.follow is None):
         raise UserError("expected a scenario file, a saved run, or --follow FILE with one")
+    if options.set and (options.follow or journal.is_saved_run(Path(options.scenario))):
+        raise UserError("--set: a saved run keeps its scenario. Fix: pass a scenario file")
     if options.follow is not None:
         followed = journal.loaded(journal.read(Path(options.follow)), options.follow)
         # Without routes: the drivers' commands are in the journal.
@@ -63,7 +66,8 @@ def source_of(options: argparse.Namespace) -> RunSource:
     if journal.is_saved_run(Path(options.scenario)):
         saved = journal.loaded(journal.read(Path(options.scenario)), options.scenario)
         return RunSource(_adjusted(saved.scenario, options), saved=saved)
-    return RunSource(_adjusted(load(options.scenario), options))
+    changes = field_changes.field_changes(options.set)
+    return RunSource(_adjusted(load(options.scenario, changes=changes), options))
 
 
 def _adjusted(scenario: Scenario, options: argparse.Namespace) -> Scenario:

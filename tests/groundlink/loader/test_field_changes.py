@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`--set` changes the field that its path names, before or after references are followed."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from groundlink.core.errors import UserError
+from groundlink.loader import load
+from groundlink.loader.field_changes import alternatives, field_changes
+from groundlink.scenario import Scenario
+
+
+def changed(*texts: str, scenario: str | Path = "indoor_lab_tour") -> Scenario:
+    return load(scenario, changes=field_changes(texts))
+
+
+def at(scenario: Scenario, path: str) -> Any:
+    """Return what an attribute path of the first vehicle, or else of the scenario, holds."""
+    found: Any = scenario
+    for step in path.split("."):
+        if isinstance(found, dict):
+            found = found[step]
+        elif isinstance(found, tuple | list):
+            found = next(each for each in found if each.name == step)
+        else:
+            found = getattr(found, step)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("text", "path", "value"),
+    [
+        ("seed=3", "seed", 3),
+        ("lidar.dropout=0.25", "vehicles.rover.sensors.lidar.dropout", 0.25),
+        ("sensors.lidar.dropout=0.25", "vehicles.rover.sensors.lidar.dropout", 0.25),
+        ("rover.lidar.dropout=0.25", "vehicles.rover.sensors.lidar.dropout", 0.25),
+        ("vehicles.rover.sensors.lidar.dropout=0.25", "vehicles.rover.sensors.lidar.dropout", 0.25),
+        ("vehicles.0.sensors.0.dropout=0.25", "vehicles.rover.sensors.lidar.dropout", 0.25),
+        ("route.speed_mps=0.3", "vehicles.rover.route.speed_mps", 0.3),
+        ("route={kind: circle, laps: 2}", "vehicles.rover.route.laps", 2),
+        ("lidar.datasheet=vlp32c", "vehicles.rover.sensors.lidar.max_range_m", 200.0),
+        ("lidar.mount.xyz_m=[0, 0, 1]", "vehicles.rover.sensors.lidar.mount.xyz_m", (0, 0, 1)),
+        ("gateway.link.to_ros.loss=0.1", "gateway.link.to_ros.loss", 0.1),
+        ("world=yard", "world.name", "yard"),
+        ("model.chassis.mass_kg=60", "vehicles.rover.model.chassis.mass_kg", 60),
+    ],
+)
+def test_path_names_a_field(text: str, path: str, value: Any) -> None:
+    assert at(scenario := changed(text), path) == value
+    assert scenario != changed()
+
+
+def test_other_fields_of_a_data_sheet_stay() -> None:
+    before = at(changed(), "vehicles.rover.sensors.imu.gyroscope")
+    after = at(changed("imu.gyroscope.noise_density=0.01"), "vehicles.rover.sensors.imu.gyroscope")
+    assert after.noise_density == 0.01
+    assert after.bias_instability == before.bias_instability > 0
+
+
+def test_several_vehicles_are_told_apart_by_name() -> None:
+    scenario = changed("second.scanner.dropout=0.5", scenario="two_rovers")
+    assert at(scenario, "vehicles.first.sensors.scanner.dropout") != 0.5
+    assert at(scenario, "vehicles.second.sensors.scanner.dropout") == 0.5
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("lidar.dropout", "--set lidar.dropout: expected FIELD=VALUE"),
+        ("lidar..dropout=1", "--set lidar..dropout=1: expected FIELD=VALUE"),
+        ("lidr.dropout=1", "--set lidr.dropout: no `lidr`; did you mean `lidar`?"),
+        ("name.short=1", "--set name.short: `name` is 'indoor_lab_tour', which has no fields"),
+        ("lidar.dropout=[", "--set lidar.dropout=[:1: not valid YAML"),
+        ("lidar.dropout=.nan", "is nan; expected a finite number"),
+        ("lidar.dropot=0.1", "`vehicles[0].sensors[0].dropot`; did you mean `dropout`?"),
+        ("lidar.dropout=7", "`vehicles[0].sensors[0].dropout`: expected `float` <= 1.0"),
+    ],
+)
+def test_what_names_no_field_is_one_line(text: str, line: str) -> None:
+    with pytest.raises(UserError) as caught:
+        changed(text)
+    assert line in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_alternatives_are_separated_by_commas() -> None:
+    found = alternatives("lidar.mount=mast,{xyz_m: [0, 0, 1]}")
+    assert [change.text for change in found] == [
+        'lidar.mount="mast"',
+        'lidar.mount={"xyz_m": [0, 0, 1]}',
+    ]
+    assert field_changes([change.text for change in found]) == found
+
+
+@pytest.mark.parametrize("text", ["lidar.dropout", "lidar.dropout=", "=1,2", "lidar.dropout=1,]"])
+def test_alternatives_of_another_form_are_one_line(text: str) -> None:
+    with pytest.raises(UserError, match=r"^--set "):
+        alternatives(text)
