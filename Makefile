@@ -67,7 +67,7 @@ experiments: setup ## run the experiments of the paper with third-party SLAM pro
 
 docs: setup ## build the documentation site in site/; fail at a broken link, anchor or picture
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
-	@echo "site/index.html; with search: $(BIN)/python -m http.server --directory site"
+	@echo "site/index.html"
 
 clean: ## remove the environment and all caches
 	@rm -rf .venv build site *.egg-info udp-bridge/src/*.egg-info \

@@ -167,3 +167,26 @@ def test_the_python_of_the_tutorial_runs(tmp_path: Path) -> None:
     low, high = ([float(number) for number in corner.split()] for corner in corners)
     assert low[2] == pytest.approx(0, abs=0.1)
     assert all(high[axis] > low[axis] + 1 for axis in range(3))
+
+
+def test_tests_and_benchmarks_that_pages_name_exist() -> None:
+    pages = {*DOCS.rglob("*.md"), *ROOT.glob("*.md")} - {ROOT / "CHANGELOG.md"}
+    texts = {page: page.read_text(encoding="utf-8") for page in pages}
+    named = {
+        (page.name, path)
+        for page, words in texts.items()
+        for path in re.findall(r"\btests/[\w/]+\.py\b", words)
+    }
+    named |= {
+        (page.name, module.replace(".", "/"))
+        for page, words in texts.items()
+        for module in re.findall(
+            r"python -m ((?:benchmarks|experiments|fuzz|tools)[\w.]*\w)", words
+        )
+    }
+    assert len(named) > 100
+    assert [(page, path) for page, path in sorted(named) if not _exists(ROOT / path)] == []
+
+
+def _exists(path: Path) -> bool:
+    return path.exists() or path.with_suffix(".py").exists()
