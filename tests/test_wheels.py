@@ -16,7 +16,10 @@ from packaging.requirements import Requirement
 
 REPOSITORY = Path(__file__).parents[1]
 
-EXTRAS = ("physics", "sensors", "camera", "gateway", "record", "export", "view", "report", "secure")
+EXTRAS = (
+    *("physics", "sensors", "camera", "gateway", "record", "export", "view", "report", "secure"),
+    "all",
+)
 
 OTHER_EXTRAS = {"ros2", "gym", "benchmarks", "experiments", "docs", "dev"}
 """For a checkout, or of other programs."""
@@ -24,6 +27,8 @@ OTHER_EXTRAS = {"ros2", "gym", "benchmarks", "experiments", "docs", "dev"}
 COMMANDS: dict[str, str | None] = {
     "--help": None,
     "up --help": None,
+    "demo --duration 0": "all",
+    "new my_scenario": None,
     "sweep": None,
     "topics": None,
     "schema": None,

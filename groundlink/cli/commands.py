@@ -11,6 +11,7 @@ from .files import (
     convert,
     explain,
     export,
+    new,
     report,
     schema,
     secure,
@@ -21,14 +22,14 @@ from .files import (
     view,
     world,
 )
-from .run import control, drive, fault, link, record, replay, save, spawn, sweep, top, up
+from .run import control, demo, drive, fault, link, record, replay, save, spawn, sweep, top, up
 
 GROUPS = {
-    "start a run": (up, record, replay, snapshot, sweep),
+    "start a run": (demo, up, record, replay, snapshot, sweep),
     "look at a run": (top, view),
     "control a run": (drive, control, save, spawn, fault, link),
     "use a recording": (report, verify, export, convert),
-    "write a scenario": (check, explain, sensors, topics, schema, world),
+    "write a scenario": (new, check, explain, sensors, topics, schema, world),
     "deploy": (compose, secure),
 }
 """Modules of the commands, in the order and under the titles of `groundlink --help`."""
@@ -39,11 +40,11 @@ PROGRAM = "groundlink"
 GREETING = """\
 Groundlink: a real-time test rig for unmanned ground vehicles
 
-  groundlink up indoor_lab                     run it; Ctrl-C ends it
-  groundlink drive                             drive the vehicle by keys
-  groundlink view                              see the run in three dimensions
+  groundlink demo                              look first; Ctrl-C ends it
+  groundlink up indoor_lab                     run a scenario for your ROS nodes
+  groundlink drive                             drive its vehicle by keys
   groundlink record indoor_lab --out run.mcap  record 30 s with ground truth
-  groundlink check my_scenario.yaml            find mistakes before a run
+  groundlink new my_scenario                   write a scenario of your own
 
 groundlink --help lists all commands.
 """

@@ -4,8 +4,9 @@
 Commands and processes import optional packages inside `needs`; the rest works without them.
 """
 
+import importlib.util
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 from .errors import RequirementError
@@ -29,10 +30,20 @@ def needs(extra: str) -> Iterator[None]:
         package = (error.name or "").partition(".")[0]
         if package in OWN:
             raise
-        raise RequirementError(
-            f"the Python package `{package}` is not installed. "
-            f"Fix: pip install 'groundlink[{extra}]'"
-        ) from None
+        raise _missing(package, extra) from None
+
+
+def check_installed(packages: Iterable[str], extra: str) -> None:
+    """Check that packages of an extra are installed, without importing them.
+
+    Raises
+    ------
+    RequirementError
+        if one is not.
+    """
+    for package in packages:
+        if importlib.util.find_spec(package) is None:
+            raise _missing(package, extra)
 
 
 @contextmanager
@@ -44,3 +55,9 @@ def process_needs(process: str, extra: str) -> Iterator[None]:
     except RequirementError as error:
         print(f"{process}: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
+
+
+def _missing(package: str, extra: str) -> RequirementError:
+    return RequirementError(
+        f"the Python package `{package}` is not installed. Fix: pip install 'groundlink[{extra}]'"
+    )

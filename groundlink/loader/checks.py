@@ -15,10 +15,11 @@ from groundlink.scenario.route import Route, ThereAndBack, Waypoints
 from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Scenario, Vehicle
 from groundlink.scenario.sensor_kinds import kind_of, load_reference
 from groundlink.scenario.vehicle import VehicleModel
-from groundlink.scene.build import WorldError, solids
+from groundlink.scene.build import UnknownMaterial, WorldError, solids
 from groundlink.scene.spawn_checks import check_spawns
 
 from .document import DataPath, Document, ScenarioError
+from .material_library import material_library
 from .validation_errors import dotted
 
 
@@ -58,6 +59,10 @@ def check_scenario(scenario: Scenario, document: Document) -> None:
     _check_topics(scenario, document)
     try:
         check_spawns(scenario, solids(scenario))
+    except UnknownMaterial as error:
+        known = scenario.world.materials | material_library()
+        named = UnknownMaterial(error.path, error.material, known)
+        raise ScenarioError(f"{document.mark(error.path)}: {named}") from None
     except WorldError as error:
         raise ScenarioError(f"{document.mark(error.path)}: {error}") from None
 

@@ -27,6 +27,7 @@ from .asset_import import import_assets
 from .checks import check_scenario, check_speeds
 from .document import DataPath, Document, ScenarioError, read
 from .field_changes import FieldChange
+from .material_library import with_library_materials
 from .scatter import place_scatter
 from .terrain_placement import place_outdoors, place_solids
 from .validation_errors import convert
@@ -107,7 +108,7 @@ def resolved(
     place_outdoors(document)
     place_solids(document)
     into_namespaces(document)
-    return convert(document, Scenario)
+    return with_library_materials(convert(document, Scenario))
 
 
 def read_route(given: str) -> Document:
@@ -267,6 +268,8 @@ def _merge_materials(document: Document) -> None:
     Two vehicles may share a name only for the same material.
     """
     world: DataPath = ("world", "materials")
+    if isinstance(described := document.at(world[:1]), dict):
+        described.setdefault("materials", {})
     listed, vehicles = document.at(world), document.at(("vehicles",))
     if not isinstance(listed, dict) or not isinstance(vehicles, list):
         return

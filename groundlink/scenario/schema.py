@@ -77,8 +77,9 @@ class World(Spec, frozen=True, kw_only=True):
     datum: Datum | None = None
     """Geographic position of the world; none: satellites cannot be received."""
 
-    materials: dict[str, Material]
-    """Materials by name. Everything in the world refers to them."""
+    materials: dict[str, Material] = field(default_factory=dict)
+    """Materials by name. Everything in the world refers to them. A name that neither the world nor
+    a vehicle defines has the properties that the library of materials gives it."""
 
     room: Room | None = None
     """Room around the origin; none: an open world."""

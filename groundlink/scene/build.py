@@ -5,16 +5,15 @@ Physics and every replica build the world independently and compare hashes. The 
 therefore be identical to the bit on every machine. Vehicles are not part of the built solids.
 """
 
-import difflib
 import hashlib
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from zlib import crc32
 
 import msgspec
 import numpy as np
 
-from groundlink.core.errors import UserError
+from groundlink.core.errors import UserError, did_you_mean
 from groundlink.scenario.schema import Scenario
 from groundlink.world import terrain
 from groundlink.world.actors import CrateForm, DoorForm, Form, PartsForm, PersonForm
@@ -57,6 +56,11 @@ class WorldError(UserError):
 
 class UnknownMaterial(WorldError):
     """Error for a material that the world does not define."""
+
+    def __init__(self, path: Path, material: str, known: Iterable[str]) -> None:
+        hint = did_you_mean(material, known)
+        super().__init__(path, f"no material `{material}` in world.materials; {hint}")
+        self.material = material
 
 
 def solids(scenario: Scenario) -> tuple[Solid, ...]:
@@ -120,15 +124,12 @@ def world_hash(scenario: Scenario) -> str:
 
 
 def _check_materials(scenario: Scenario) -> None:
-    known = scenario.world.materials
-    for path, material in _materials(scenario):
-        if material not in known:
-            near = difflib.get_close_matches(material, known, 1)
-            hint = f"did you mean `{near[0]}`?" if near else f"known are {', '.join(sorted(known))}"
-            raise UnknownMaterial(path, f"no material `{material}` in world.materials; {hint}")
+    for path, material in material_uses(scenario):
+        if material not in scenario.world.materials:
+            raise UnknownMaterial(path, material, scenario.world.materials)
 
 
-def _materials(scenario: Scenario) -> Iterator[tuple[Path, str]]:
+def material_uses(scenario: Scenario) -> Iterator[tuple[Path, str]]:
     """Yield every use of a material: its path in the scenario, and its name."""
     world = scenario.world
     if room := world.room:

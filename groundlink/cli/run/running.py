@@ -11,11 +11,15 @@ from rich.console import Console
 from groundlink.bus import core_topics
 from groundlink.bus.zenoh_config import DEFAULT_ENDPOINT
 from groundlink.core.errors import RequirementError, UserError
+from groundlink.core.extras import check_installed
 from groundlink.monitor.process_commands import joining
 from groundlink.process.runner import address
 from groundlink.scenario.ros_side import GatewaySettings
 
 RECORDER = core_topics.RECORDER
+
+VIEWER = "view"
+"""Name of the viewer's process."""
 
 ROS_SIDE = "ros"
 """Name of the ROS node's process."""
@@ -46,13 +50,20 @@ def recorder(out: str, run: str, endpoint: str) -> list[str]:
     RequirementError
         if the extra `record` is not installed; otherwise the run would wait for its recorder.
     """
-    for package in ("mcap", "rosbags", "zstandard"):
-        if importlib.util.find_spec(package) is None:
-            raise RequirementError(
-                f"the Python package `{package}` is not installed. "
-                "Fix: pip install 'groundlink[record]'"
-            )
+    check_installed(("mcap", "rosbags", "zstandard"), "record")
     return ["-m", "services.recorder", "--out", out, *joining(run, endpoint)]
+
+
+def viewer(run: str, endpoint: str) -> list[str]:
+    """Return the command line of a viewer: a window, or a page for a browser without a display.
+
+    Raises
+    ------
+    RequirementError
+        if the extra `view` is not installed.
+    """
+    check_installed(("rerun", "rosbags", "PIL"), "view")
+    return ["-m", "services.view", *joining(run, endpoint)]
 
 
 def check_new_file(option: str, path: Path) -> None:

@@ -55,6 +55,11 @@ def add_parser(subparsers: Subparsers) -> None:
         help="run all sensors in one process: less overhead, but they wait for each other",
     )
     parser.add_argument("--record", metavar="RUN.mcap", help="also record the run to a file")
+    parser.add_argument(
+        "--view",
+        action="store_true",
+        help="also show the run in Rerun: in a window, or in a browser without a display",
+    )
     field_changes.add_argument(parser)
     time_options.add_arguments(parser)
     parser.set_defaults(command=up)
@@ -87,11 +92,15 @@ def up(options: argparse.Namespace) -> int:
         commands[running.RECORDER] = running.recorder(options.record, run, options.listen)
     if not options.no_ros:
         commands[running.ROS_SIDE] = running.ros_side(scenario.gateway, console)
+    if options.view:
+        commands[running.VIEWER] = running.viewer(run, options.listen)
     # In real time no process waits for sensors or recorders, so the run continues without them.
     is_realtime = scenario.time.mode == "realtime"
     dispensable = (*scenario.sensor_names(), running.RECORDER) if is_realtime else ()
     supervised_run = supervised.SupervisedRun(
-        commands, run, options.listen, console, dispensable=dispensable
+        *(commands, run, options.listen, console),
+        finite=[running.VIEWER],  # The run continues after its window was closed.
+        dispensable=dispensable,
     )
     monitor, children = supervised_run.monitor, supervised_run.children
     title = f"{scenario.name} (run `{run}`)"

@@ -40,7 +40,7 @@ def paths(path: str) -> list[str]:
         ("sensors.mount", ("text or Mount", "", "its fields' defaults", "")),
         ("sensors.topic", ("text", "", "required", "letters, digits, underscores and slashes")),
         ("encoders.missed_ticks", ("number", "", "0.0", "from 0 up to 1")),
-        ("world.materials", ("mapping to Material", "", "required", "")),
+        ("world.materials", ("mapping to Material", "", "{}", "")),
         ("world.furniture", ("list of one of 5 kinds", "", "[]", "")),
         ("fence.points_m", ("list of [number, number]", "m", "required", "2 or more entries")),
         ("range.max_range_m", ("number", "m", "required without a data sheet", "above 0")),

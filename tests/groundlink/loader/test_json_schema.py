@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The schemas that editors get agree with what is shipped and with what `load` refuses."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import yaml
 from groundlink.loader.json_schema import KINDS, json_schema
 from groundlink.loader.scenario_files import SHIPPED
 from tests.groundlink.loader.urdf.carts import MODEL
+from tools import json_schemas
 
 FOLDERS = {"": "scenario", "worlds": "world", "vehicles": "vehicle", "sensors": "datasheet"}
 FILES = [
@@ -20,6 +22,22 @@ FILES = [
     for file in sorted((SHIPPED / folder).glob("*.yaml"))
 ]
 LAB = SHIPPED / "indoor_lab.yaml"
+
+
+def test_the_shipped_schemas_are_those_of_the_types() -> None:
+    shipped = {file: file.read_text(encoding="utf-8") for file in json_schemas.FOLDER.iterdir()}
+    assert shipped == json_schemas.files(), "run: python -m tools.json_schemas"
+
+
+def named_schema(file: Path) -> Path:
+    """Return the schema that a file names for editors."""
+    (name,) = re.findall(r"^# yaml-language-server: \$schema=(.*)$", file.read_text(), re.MULTILINE)
+    return (file.parent / name).resolve()
+
+
+@pytest.mark.parametrize(("kind", "file"), FILES, ids=lambda given: getattr(given, "stem", given))
+def test_a_shipped_file_names_its_schema(kind: str, file: Path) -> None:
+    assert named_schema(file) == json_schemas.FOLDER / f"{kind}.json"
 
 
 def mistakes(kind: str, value: Any) -> list[str]:

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The library of materials defines what a scenario uses and leaves undefined, and nothing else."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from groundlink.loader import ScenarioError, load, material_library
+from groundlink.loader.material_library import material_library as library
+from groundlink.loader.partial_scenario import load_partial
+from groundlink.loader.scenario_files import SHIPPED
+from groundlink.scenario.schema import Scenario
+from groundlink.scene.build import material_uses
+from groundlink.world.objects.indoor_specs import Clutter, Door, Furniture, Room
+from groundlink.world.objects.outdoor_specs import OutdoorObject
+from tests.groundlink.scenario.test_defaults import structs
+
+NAMES = [
+    file.stem for folder in ("worlds", "vehicles") for file in (SHIPPED / folder).glob("*.yaml")
+]
+
+ROOM = """\
+name: test
+world:
+  name: bare
+  {materials}
+  room: {{size_m: [8, 6, 3], floor_material: {floor}}}
+vehicles:
+  - {{name: rover, model: rover, sensors: []}}
+"""
+
+
+def room(folder: Path, *, materials: str = "", floor: str = "concrete") -> Scenario:
+    file = folder / "test.yaml"
+    file.write_text(ROOM.format(materials=materials, floor=floor), encoding="utf-8")
+    return load(file)
+
+
+def test_a_room_needs_no_materials_of_its_own(tmp_path: Path) -> None:
+    scenario = room(tmp_path)
+    materials = scenario.world.materials
+    assert materials["concrete"] == library()["concrete"]
+    assert materials["plaster"] == library()["plaster"]
+    assert set(materials) == {"concrete", "plaster", *scenario.vehicles[0].model.materials}
+
+
+def test_definitions_of_the_world_and_of_vehicles_win(tmp_path: Path) -> None:
+    scenario = room(tmp_path, materials="materials: {concrete: {reflectivity: 0.7}}")
+    materials = scenario.world.materials
+    assert materials["concrete"].reflectivity == 0.7
+    own = scenario.vehicles[0].model.materials
+    assert "rubber" in own.keys() & library().keys()
+    assert materials["rubber"] == own["rubber"] != library()["rubber"]
+
+
+def test_an_unknown_material_is_named_with_the_nearest_of_the_library(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        room(tmp_path, floor="asfalt")
+    assert str(caught.value) == (
+        f"{tmp_path / 'test.yaml'}:5: `world.room.floor_material`: no material `asfalt` in "
+        "world.materials; did you mean `asphalt`?"
+    )
+
+
+def test_objects_have_defaults_of_the_library() -> None:
+    members = (Room, Door, Furniture, Clutter, OutdoorObject)
+    known = set[type]()
+    defaults = set[str]()
+    for member in members:
+        for struct in structs(msgspec.inspect.type_info(member), known):
+            for field in struct.fields:
+                if field.name.endswith("material") and not field.required:
+                    defaults.add(field.default)
+                if field.name == "materials":
+                    defaults.update(field.default)
+    assert {"linoleum", "roof_tiles", "cardboard"} <= defaults
+    assert defaults - library().keys() == set()
+
+
+@pytest.mark.parametrize("name", sorted(NAMES))
+def test_what_is_shipped_does_not_depend_on_the_library(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """A correction of the library changes no hash of a shipped world or vehicle."""
+    monkeypatch.setattr(material_library, "material_library", dict)
+    scenario = load_partial(name)[1]
+    assert {name for _, name in material_uses(scenario)} <= scenario.world.materials.keys()
+
+
+def test_a_definition_has_a_texture_and_a_color() -> None:
+    for name, fields in msgspec.yaml.decode(material_library.FILE.read_bytes()).items():
+        assert fields.keys() >= {"reflectivity", "friction", "color", "texture"}, name
+    assert library().keys() >= {"concrete", "wood", "glass", "asphalt", "grass"}
