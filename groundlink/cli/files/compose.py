@@ -5,9 +5,8 @@ import argparse
 import sys
 
 from groundlink.cli import Subparsers
-from groundlink.cli.run.running import SCENARIO_HELP
+from groundlink.cli.run.running import SCENARIO_HELP, load_scenario
 from groundlink.deploy.compose import MAIN, Deployment
-from groundlink.loader import load
 from groundlink.loader.scenario_files import scenario_file
 
 
@@ -41,7 +40,7 @@ def compose(options: argparse.Namespace) -> int:
     """Print the Compose file."""
     file = scenario_file(options.scenario)
     deployment = Deployment(
-        load(file),
+        load_scenario(file),
         file.absolute(),
         sources=options.sources,
         router=options.router,

@@ -12,13 +12,12 @@ from pathlib import Path
 
 from groundlink.bus.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, about_text
 from groundlink.cli import Subparsers
-from groundlink.cli.run.running import SCENARIO_HELP
+from groundlink.cli.run.running import SCENARIO_HELP, load_scenario
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.deploy.access_control import OPERATOR, access_control, grants
 from groundlink.deploy.compose import BRIDGE_KEY, MAIN, Deployment
-from groundlink.loader import load
 from groundlink.loader.scenario_files import scenario_file
 
 USER = 65532
@@ -53,7 +52,7 @@ def secure(options: argparse.Namespace) -> int:
     with needs("secure"):
         from groundlink.deploy.certificates import Authority
     file = scenario_file(options.scenario)
-    scenario, folder = load(file), options.folder
+    scenario, folder = load_scenario(file), options.folder
     if folder.exists():
         raise UserError(f"{folder}: folder exists. Fix: delete it or choose another name")
     authority = Authority(datetime.datetime.now(datetime.UTC))

@@ -8,13 +8,14 @@ where a figure comes from and which are guesses.
 
 import argparse
 import itertools
-import shutil
 import textwrap
 from typing import Any
 
 import msgspec
 
 from groundlink.cli import Subparsers
+from groundlink.cli.terminal import output as terminal
+from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.loader.datasheets import (
@@ -26,9 +27,6 @@ from groundlink.loader.scenario_files import SHEETS, SHIPPED
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.sensor_kinds import SensorKind, sensor_kinds
 
-WIDTH = 110
-"""Line width without a terminal."""
-
 INDENT = 22
 """Indentation of the text beside the name of a sheet."""
 
@@ -36,20 +34,28 @@ INDENT = 22
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("sensors", help="list kinds of sensors and their data sheets")
+    add_json_option(parser)
     parser.set_defaults(command=sensors)
     more = parser.add_subparsers(metavar="[show]")
     one = more.add_parser("show", help="print a data sheet with its source")
     one.add_argument("sheet", help="its name, as in `vlp16`, or a file (YAML)")
+    add_json_option(one)
     one.set_defaults(command=show)
 
 
 def sensors(options: argparse.Namespace) -> int:
     """Print every kind of sensor with its data sheets: title and first parameters."""
-    sheets = shipped_datasheets()
-    width = max(shutil.get_terminal_size((WIDTH, 0)).columns, 2 * INDENT) - INDENT
-    for kind in sensor_kinds().values():
-        print(_kind(kind))
-        for sheet in (sheet for sheet in sheets if sheet.kind == kind.name):
+    sheets = {
+        name: [sheet for sheet in shipped_datasheets() if sheet.kind == name]
+        for name in sensor_kinds()
+    }
+    if options.json:
+        print_json([_facts(kind, sheets[name]) for name, kind in sensor_kinds().items()])
+        return 0
+    width = max(terminal.width(), 2 * INDENT) - INDENT
+    for name, kind in sensor_kinds().items():
+        print(textwrap.fill(_kind(kind), width + INDENT, subsequent_indent="  "))
+        for sheet in sheets[name]:
             lines = [textwrap.shorten(sheet.title, width, placeholder=" ...")]
             figures = ", ".join(_figures_text(sheet.figures))
             lines += textwrap.wrap(figures, width, max_lines=2, placeholder=" ...")
@@ -69,20 +75,49 @@ def show(options: argparse.Namespace) -> int:
         )
     sheet = load_datasheet(options.sheet)
     kind = sensor_kinds()[sheet.kind]
+    defaults = _left_out(kind.spec, sheet)
+    if options.json:
+        print_json({"kind": sheet.kind, **_sheet_facts(sheet), "defaults": defaults})
+        return 0
     print(f"{_kind(kind)}\n{sheet.file}\n")
     print(sheet.file.read_text(encoding="utf-8").strip())
-    if left_out := ", ".join(_figures_text(_left_out(kind.spec, sheet))):
+    if left_out := ", ".join(_figures_text(defaults)):
         text = f"Defaults of parameters that the sheet does not set: {left_out}."
-        print(f"\n{textwrap.fill(text, WIDTH)}")
+        print(f"\n{textwrap.fill(text, terminal.width())}")
     return 0
+
+
+def _facts(kind: SensorKind, sheets: list[CheckedDatasheet]) -> dict[str, Any]:
+    return {
+        "kind": kind.name,
+        "type": _ros_type(kind),
+        "description": _description(kind),
+        "sheets": [_sheet_facts(sheet) for sheet in sheets],
+    }
+
+
+def _sheet_facts(sheet: CheckedDatasheet) -> dict[str, Any]:
+    return {
+        "name": sheet.name,
+        "title": sheet.title,
+        "file": str(sheet.file),
+        "figures": sheet.figures,
+    }
 
 
 def _kind(kind: SensorKind) -> str:
     """Return what a kind of sensor is and what it sends to ROS."""
+    return f"{kind.name}, {_ros_type(kind).rpartition('/')[2]}: {_description(kind)}"
+
+
+def _ros_type(kind: SensorKind) -> str:
     with needs("gateway"):
         from groundlink.ros.cdr import ROS_CODECS
-    about = " ".join((kind.spec.__doc__ or "").partition("\n\n")[0].split())
-    return f"{kind.name}, {ROS_CODECS[kind.streams['']].ros_type.rpartition('/')[2]}: {about}"
+    return ROS_CODECS[kind.streams[""]].ros_type
+
+
+def _description(kind: SensorKind) -> str:
+    return " ".join((kind.spec.__doc__ or "").partition("\n\n")[0].split())
 
 
 def _left_out(spec: type[SensorSpec], sheet: CheckedDatasheet) -> dict[str, Any]:

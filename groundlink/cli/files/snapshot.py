@@ -15,7 +15,6 @@ from groundlink.cli import Subparsers
 from groundlink.cli.run import running, supervised
 from groundlink.cli.terminal import output as terminal
 from groundlink.core.errors import UserError, did_you_mean
-from groundlink.loader import load
 from groundlink.monitor import process_commands
 from groundlink.monitor.supervisor import Supervisor
 from groundlink.scenario.cameras import Optics
@@ -41,7 +40,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def snapshot(options: argparse.Namespace) -> int:
     """Write color, depth and labels of one sim time."""
-    scenario = load(options.scenario)
+    scenario = running.load_scenario(options.scenario)
     found = scenario.sensor(options.camera)
     if found is None or not isinstance(found[1], Optics):
         cameras = [

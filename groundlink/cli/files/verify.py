@@ -21,11 +21,11 @@ from groundlink.bus.topics import process_names
 from groundlink.cli import Subparsers
 from groundlink.cli.run import running, supervised
 from groundlink.cli.terminal import output as terminal
+from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.core.extras import needs
 from groundlink.episode import journal as journals
-from groundlink.loader import load
 from groundlink.messages.base import Health
 from groundlink.monitor import process_commands
 from groundlink.scenario import Scenario
@@ -42,6 +42,7 @@ def add_parser(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser("verify", help="repeat a recorded run and compare byte for byte")
     parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="recording to read")
     parser.add_argument("scenario", help=running.SCENARIO_HELP)
+    add_json_option(parser)
     parser.set_defaults(command=verify)
 
 
@@ -53,12 +54,12 @@ def verify(options: argparse.Namespace) -> int:
         from groundlink.recording.comparison import TopicComparison
         from groundlink.recording.reader import Recording
 
-    console = terminal.console()
+    console = terminal.console(stderr=options.json)
 
     def say(line: str) -> None:
-        console.print(line, markup=False, highlight=False, soft_wrap=True)
+        terminal.say(console, line)
 
-    scenario = load(options.scenario)
+    scenario = running.load_scenario(options.scenario)
     with Recording(options.recording) as recording, tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         extent = verifying.compared_span(recording)
@@ -79,6 +80,18 @@ def verify(options: argparse.Namespace) -> int:
             for topic, why in verifying.not_compared(recording).items()
             if recording.topics[topic].messages
         }
+    if options.json:
+        may_differ = {v.topic: counting_on[v.topic] for v in verdicts if v.topic in counting_on}
+        is_identical = all(v.is_equal or v.topic in may_differ for v in verdicts)
+        print_json(
+            {
+                "identical": is_identical,
+                "topics": verdicts,
+                "may_differ": may_differ,
+                "not_compared": not_compared,
+            }
+        )
+        return 0 if is_identical else 1
     console.print(_table(verdicts, epoch_nanos))
     for why in dict.fromkeys(not_compared.values()):
         say(f"not compared: {', '.join(t for t in not_compared if not_compared[t] == why)}: {why}")

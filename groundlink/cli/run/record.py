@@ -11,10 +11,11 @@ from rich.console import Console
 
 from groundlink.cli import Subparsers
 from groundlink.cli.terminal import output as terminal
+from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
-from groundlink.loader import field_changes, load
+from groundlink.loader import field_changes
 from groundlink.messages.base import Health
 from groundlink.monitor import process_commands
 from groundlink.monitor.run_monitor import RATE_TOLERANCE, RunMonitor
@@ -44,18 +45,20 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     running.add_arguments(parser, "scenario's", ros=False)
     field_changes.add_argument(parser)
+    add_json_option(parser)
     parser.set_defaults(command=record)
 
 
 def record(options: argparse.Namespace) -> int:
     """Record a run; return 0 if the file has every declared rate."""
-    scenario = load(options.scenario, changes=field_changes.field_changes(options.set))
+    changes = field_changes.field_changes(options.set)
+    scenario = running.load_scenario(options.scenario, changes)
     out = Path(options.out)
     if not options.duration > 0:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
     running.check_new_file("--out", out)
     run = options.run or scenario.name
-    console = terminal.console()
+    console = terminal.console(stderr=options.json)
     commands = process_commands.commands(scenario, options.scenario, run, options.listen)
     del commands["gateway"]
     commands["physics"] += ["--mode", "realtime" if options.realtime else "fast"]
@@ -81,7 +84,7 @@ def record(options: argparse.Namespace) -> int:
     failed = supervised_run.go(lambda: recorder.is_done, lambda: progress)
     if failed:
         return supervised.exit_code(failed)
-    return _verdict(console, out, monitor)
+    return _verdict(console, out, monitor, as_json=options.json)
 
 
 _TOPICS = (
@@ -96,7 +99,7 @@ UNUSUAL = ("/faults/", "/gaps/")
 """Topics that are normally empty."""
 
 
-def _verdict(console: Console, out: Path, monitor: RunMonitor) -> int:
+def _verdict(console: Console, out: Path, monitor: RunMonitor, *, as_json: bool = False) -> int:
     """Show the content of the file; return 1 if a declared rate is missing."""
     with needs("record"):
         from groundlink.recording.reader import Recording
@@ -107,12 +110,22 @@ def _verdict(console: Console, out: Path, monitor: RunMonitor) -> int:
     with Recording(out) as recording:
         topics = recording.topics
     table = FittingTable(str(out), _TOPICS)
+    rows: list[dict[str, object]] = []
     faults = []
     for name, topic in topics.items():
         if name.startswith(UNUSUAL) and not topic.messages:
             continue
         declared, measured = (_rate(rate) for rate in (topic.declared_hz, topic.measured_hz))
         table.add_row(name, topic.type, str(topic.messages), declared, measured)
+        rows.append(
+            {
+                "topic": name,
+                "type": topic.type,
+                "messages": topic.messages,
+                "declared_hz": topic.declared_hz,
+                "measured_hz": topic.measured_hz,
+            }
+        )
         off = abs((topic.measured_hz or 0.0) / topic.declared_hz - 1) if topic.declared_hz else 0
         if off > RATE_TOLERANCE:
             faults.append(f"{name}: declared {declared}, measured {measured}")
@@ -120,6 +133,9 @@ def _verdict(console: Console, out: Path, monitor: RunMonitor) -> int:
         faults.append(
             f"{health.counters['bus_dropped']} messages dropped: faster than the recorder writes"
         )
+    if as_json:
+        print_json({"path": str(out), "topics": rows, "faults": faults})
+        return 1 if faults else 0
     console.print(table)
     for fault in faults:
         terminal.say(console, f"failed: {fault}")

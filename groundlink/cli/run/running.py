@@ -3,6 +3,7 @@
 
 import argparse
 import importlib.util
+from collections.abc import Iterable
 from ipaddress import ip_address
 from pathlib import Path
 
@@ -10,10 +11,14 @@ from rich.console import Console
 
 from groundlink.bus import core_topics
 from groundlink.bus.zenoh_config import DEFAULT_ENDPOINT
+from groundlink.cli.terminal.progress import progress
 from groundlink.core.errors import RequirementError, UserError
 from groundlink.core.extras import check_installed
+from groundlink.loader import load
+from groundlink.loader.field_changes import FieldChange
 from groundlink.monitor.process_commands import joining
 from groundlink.process.runner import address
+from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import GatewaySettings
 
 RECORDER = core_topics.RECORDER
@@ -40,6 +45,12 @@ def add_arguments(parser: argparse.ArgumentParser, whose: str, *, ros: bool = Tr
         parser.add_argument(
             "--no-ros", action="store_true", help="do not start a ROS node; it runs elsewhere"
         )
+
+
+def load_scenario(given: str | Path, changes: Iterable[FieldChange] = ()) -> Scenario:
+    """Return the scenario of a file or of a shipped name; large meshes take seconds."""
+    with progress(f"loading {given}"):
+        return load(given, changes=changes)
 
 
 def recorder(out: str, run: str, endpoint: str) -> list[str]:

@@ -18,7 +18,7 @@ from groundlink.core import VERSION
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.episode import journal
-from groundlink.loader import field_changes, load, time_options
+from groundlink.loader import field_changes, time_options
 from groundlink.messages.base import NOT_REPORTED
 from groundlink.monitor import process_commands
 from groundlink.monitor.run_monitor import RunMonitor
@@ -72,7 +72,8 @@ def up(options: argparse.Namespace) -> int:
         if options.set:
             raise UserError("--set: a saved run keeps its scenario. Fix: pass a scenario file")
     else:
-        described = load(options.scenario, changes=field_changes.field_changes(options.set))
+        changes = field_changes.field_changes(options.set)
+        described = running.load_scenario(options.scenario, changes)
     scenario = time_options.with_time_options(described, options)
     if options.duration is not None and not options.duration > 0:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
