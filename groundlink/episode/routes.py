@@ -38,6 +38,59 @@ class Line:
         return float(np.linalg.norm(np.diff(self.points_m, axis=0), axis=1).sum())
 
 
+class Leg:
+    """A part of a line, addressed by the distance from its start.
+
+    Parameters
+    ----------
+    points
+        shape (N, 2), N >= 2: x, y in the world; consecutive points differ.
+    speeds
+        shape (N - 1,): target speed of each segment.
+    """
+
+    def __init__(self, points: Floats, speeds: Floats) -> None:
+        self._points, self._speeds = points, speeds
+        moves = np.diff(points, axis=0)
+        self._lengths = np.linalg.norm(moves, axis=1)
+        self._directions = moves / self._lengths[:, None]
+        self._starts_m = np.concatenate([[0.0], np.cumsum(self._lengths)])
+        self.length_m = float(self._starts_m[-1])
+
+    def nearest(self, place: Floats, start_m: float, end_m: float) -> tuple[float, float]:
+        """Return how far along the nearest point is, from `start_m` to `end_m`, and its distance.
+
+        Of several that are equally near within a centimeter, the first.
+        """
+        first = max(int(np.searchsorted(self._starts_m, start_m, "right")) - 1, 0)
+        last = max(int(np.searchsorted(self._starts_m, end_m, "left")), first + 1)
+        pieces = slice(min(first, len(self._lengths) - 1), last)
+        starts, lengths = self._starts_m[pieces.start : -1][: last - first], self._lengths[pieces]
+        offsets = place - self._points[:-1][pieces]
+        along = np.clip(np.sum(offsets * self._directions[pieces], axis=1), 0.0, lengths)
+        along = np.clip(along, start_m - starts, max(end_m, start_m) - starts)
+        apart = np.linalg.norm(offsets - along[:, None] * self._directions[pieces], axis=1)
+        i = int(np.argmax(apart <= apart.min() + 0.01))
+        # From the first that is near enough, continue to the local minimum.
+        while i + 1 < len(apart) and apart[i + 1] < apart[i]:
+            i += 1
+        return float(starts[i] + along[i]), float(apart[i])
+
+    def speed_mps(self, at_m: float) -> float:
+        """Return the speed of the line at a distance from its start."""
+        return float(self._speeds[self._piece(at_m)])
+
+    def point(self, at_m: float) -> Floats:
+        """Return the point at a distance from the start; beyond the end, straight on."""
+        i = self._piece(at_m)
+        point: Floats = self._points[i] + (at_m - self._starts_m[i]) * self._directions[i]
+        return point
+
+    def _piece(self, at_m: float) -> int:
+        piece = int(np.searchsorted(self._starts_m, at_m, "right")) - 1
+        return min(piece, len(self._lengths) - 1)
+
+
 def line(route: specs.Route, *, start_m: tuple[float, float], heading_rad: float) -> Line:
     """Return all laps of a route as one line, from the position of a vehicle.
 

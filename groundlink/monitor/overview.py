@@ -16,6 +16,7 @@ from groundlink.bus.core_topics import GATEWAY, REPLAY, TIME_KEEPERS
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import Health
 
+from .mission_monitor import MissionMonitor
 from .run_monitor import RunMonitor, keeps_rate
 
 SILENT_SECONDS = 2.5
@@ -59,13 +60,21 @@ class Overview:
     ----------
     declared_hz
         the processes of the scenario, with the rate of their readings or None.
+    missions
+        monitor of the vehicles.
     """
 
-    def __init__(self, run: str, declared_hz: Mapping[str, float | None]) -> None:
+    def __init__(
+        self,
+        run: str,
+        declared_hz: Mapping[str, float | None],
+        missions: MissionMonitor | None = None,
+    ) -> None:
         self._run = run
         self._declared_hz = declared_hz
         self._processes = {name: _Process() for name in declared_hz}
         self.monitor = RunMonitor()
+        self.missions = missions or MissionMonitor()
         self.link_settings: Mapping[str, Mapping[str, float | bool]] = {}
         """Settings of the emulated link by direction."""
 
@@ -107,6 +116,7 @@ class Overview:
                 for name, process in self._processes.items()
                 if not self._is_replayed(name)
             ],
+            "missions": [mission.to_builtins() for mission in self.missions.missions()],
             "streams": [
                 msgspec.to_builtins(stream) | {"keeps_rate": keeps_rate(stream)}
                 for stream in monitor.streams

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from groundlink.episode.routes import Floats, Line
+from groundlink.episode.routes import Floats, Leg, Line
 
 Twist = tuple[float, float]
 """Velocity along the base's x, m/s, and about its z, rad/s."""
@@ -78,7 +78,7 @@ class PurePursuitFollower:
         # With a nearer point than it can steer to, the vehicle would oscillate about the line.
         self._look_ahead_m = LOOK_AHEAD_M + least_radius_m / 2
         corner_rad = inf if least_radius_m else CORNER_RAD
-        self._legs = [_Leg(points, speeds) for points, speeds in _split(line, corner_rad)]
+        self._legs = [Leg(points, speeds) for points, speeds in _split(line, corner_rad)]
         self.progress = Progress()
 
     @property
@@ -115,7 +115,7 @@ class PurePursuitFollower:
             self._leg, self._reached_m, self._turning = self._leg + 1, 0.0, True
         return 0.0, 0.0
 
-    def _towards(self, leg: "_Leg", reached_m: float, place: Floats, yaw_rad: float) -> Twist:
+    def _towards(self, leg: Leg, reached_m: float, place: Floats, yaw_rad: float) -> Twist:
         speed = leg.speed_mps(reached_m)
         speed = min(speed, sqrt(2 * BRAKING_MPS2 * (leg.length_m - reached_m)))
         goal = leg.point(reached_m + self._look_ahead_m + self._look_ahead_s * speed)
@@ -143,51 +143,6 @@ class PurePursuitFollower:
             speed = min(speed, TURN_RATE_RADPS / abs(curvature))
         speed = max(speed, SLOWEST_MPS)
         return speed, curvature * speed
-
-
-class _Leg:
-    """A part of the line between two corners."""
-
-    def __init__(self, points: Floats, speeds: Floats) -> None:
-        self._points, self._speeds = points, speeds
-        moves = np.diff(points, axis=0)
-        self._lengths = np.linalg.norm(moves, axis=1)
-        self._directions = moves / self._lengths[:, None]
-        self._starts_m = np.concatenate([[0.0], np.cumsum(self._lengths)])
-        self.length_m = float(self._starts_m[-1])
-
-    def nearest(self, place: Floats, start_m: float, end_m: float) -> tuple[float, float]:
-        """Return how far along the nearest point is, from `start_m` to `end_m`, and its distance.
-
-        Of several that are equally near within a centimeter, the first.
-        """
-        first = max(int(np.searchsorted(self._starts_m, start_m, "right")) - 1, 0)
-        last = max(int(np.searchsorted(self._starts_m, end_m, "left")), first + 1)
-        pieces = slice(min(first, len(self._lengths) - 1), last)
-        starts, lengths = self._starts_m[pieces.start : -1][: last - first], self._lengths[pieces]
-        offsets = place - self._points[:-1][pieces]
-        along = np.clip(np.sum(offsets * self._directions[pieces], axis=1), 0.0, lengths)
-        along = np.clip(along, start_m - starts, max(end_m, start_m) - starts)
-        apart = np.linalg.norm(offsets - along[:, None] * self._directions[pieces], axis=1)
-        i = int(np.argmax(apart <= apart.min() + 0.01))
-        # From the first that is near enough, continue to the local minimum.
-        while i + 1 < len(apart) and apart[i + 1] < apart[i]:
-            i += 1
-        return float(starts[i] + along[i]), float(apart[i])
-
-    def speed_mps(self, at_m: float) -> float:
-        """Return the speed of the line at a distance from the leg's start."""
-        return float(self._speeds[self._piece(at_m)])
-
-    def point(self, at_m: float) -> Floats:
-        """Return the point at a distance from the start; beyond the end, straight on."""
-        i = self._piece(at_m)
-        point: Floats = self._points[i] + (at_m - self._starts_m[i]) * self._directions[i]
-        return point
-
-    def _piece(self, at_m: float) -> int:
-        piece = int(np.searchsorted(self._starts_m, at_m, "right")) - 1
-        return min(piece, len(self._lengths) - 1)
 
 
 def _split(line: Line, corner_rad: float) -> list[tuple[Floats, Floats]]:

@@ -4,27 +4,31 @@
 Shows a `RunMonitor` and the children of a supervisor.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.episode.fault_messages import kinds_in
+from groundlink.episode.mission import Mission
 from groundlink.messages import missing_readings
 from groundlink.messages.base import NOT_REPORTED, StreamReport
 from groundlink.monitor.run_monitor import RunMonitor, keeps_rate
 from groundlink.monitor.supervisor import Child
 
 
-def dashboard(title: str, monitor: RunMonitor, children: Iterable[Child]) -> RenderableType:
+def dashboard(
+    title: str, monitor: RunMonitor, children: Iterable[Child], missions: Sequence[Mission] = ()
+) -> RenderableType:
     """Return the status of a run as tables."""
     factor = monitor.real_time_factor
     pace = "starting" if factor is None else f"real-time factor {factor:.3f}"
     head = Text(f"{title}   sim time {monitor.sim_seconds:.1f} s   {pace}", style="bold")
     if stalls := str(monitor.stalls):
         head.append(f"\n{stalls}", style="yellow")
-    return Group(head, streams_table(monitor.streams), _processes(monitor, children))
+    tables = (streams_table(monitor.streams), _processes(monitor, children))
+    return Group(head, *([missions_table(missions)] if missions else []), *tables)
 
 
 _STREAMS = (
@@ -42,6 +46,36 @@ _PROCESSES = (
     Column("missing readings", "words"),
     Column("counts", "words"),
 )
+
+
+_MISSIONS = (
+    Column("vehicle", "text"),
+    Column("state", "words"),
+    *map(Column, ("route", "driven", "of commanded", "of turns")),
+    Column("stuck", omit_order=1),
+)
+
+
+def missions_table(missions: Iterable[Mission]) -> FittingTable:
+    """Return the table of vehicles: what they do, and how much of what is commanded."""
+    table = FittingTable("missions", _MISSIONS)
+    for mission in missions:
+        table.add_row(
+            mission.vehicle,
+            mission.state,
+            percent(mission.route_share),
+            f"{mission.driven_m:.1f} m",
+            percent(mission.speed_share),
+            percent(mission.turn_share),
+            f"{mission.stuck_seconds:.1f} s",
+            style="red" if mission.ending else "yellow" if mission.problems() else "",
+        )
+    return table
+
+
+def percent(share: float | None) -> str:
+    """Return a share as text."""
+    return "-" if share is None else f"{100 * share:.0f} %"
 
 
 def streams_table(streams: Iterable[StreamReport]) -> FittingTable:

@@ -5,6 +5,7 @@ Starts physics, sensors, drivers and the recorder, without ROS. The summary is r
 """
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -15,12 +16,15 @@ from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
+from groundlink.episode.mission import Mission
 from groundlink.loader import field_changes
 from groundlink.messages.base import Health
 from groundlink.monitor import process_commands
+from groundlink.monitor.mission_monitor import MissionMonitor
 from groundlink.monitor.run_monitor import RATE_TOLERANCE, RunMonitor
 
 from . import running, supervised
+from .dashboard import missions_table
 
 SECONDS = 30.0
 """Default duration, sim time."""
@@ -50,7 +54,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def record(options: argparse.Namespace) -> int:
-    """Record a run; return 0 if the file has every declared rate."""
+    """Record a run; return 0 if the file has every declared rate and no vehicle ended badly."""
     changes = field_changes.field_changes(options.set)
     scenario = running.load_scenario(options.scenario, changes)
     out = Path(options.out)
@@ -73,7 +77,9 @@ def record(options: argparse.Namespace) -> int:
         if name != "physics":
             commands["physics"] += ["--wait-for", name]
     supervised_run = supervised.SupervisedRun(
-        commands, run, options.listen, console, finite={running.RECORDER}
+        *(commands, run, options.listen, console),
+        finite={running.RECORDER},
+        missions=MissionMonitor.of(scenario, until_seconds=options.duration),
     )
     recorder, monitor = supervised_run.children[running.RECORDER], supervised_run.monitor
 
@@ -84,7 +90,8 @@ def record(options: argparse.Namespace) -> int:
     failed = supervised_run.go(lambda: recorder.is_done, lambda: progress)
     if failed:
         return supervised.exit_code(failed)
-    return _verdict(console, out, monitor, as_json=options.json)
+    missions = supervised_run.missions.missions()
+    return _verdict(console, out, monitor, missions, as_json=options.json)
 
 
 _TOPICS = (
@@ -99,8 +106,18 @@ UNUSUAL = ("/faults/", "/gaps/")
 """Topics that are normally empty."""
 
 
-def _verdict(console: Console, out: Path, monitor: RunMonitor, *, as_json: bool = False) -> int:
-    """Show the content of the file; return 1 if a declared rate is missing."""
+def _verdict(
+    console: Console,
+    out: Path,
+    monitor: RunMonitor,
+    missions: Sequence[Mission],
+    *,
+    as_json: bool = False,
+) -> int:
+    """Show the content of the file and what the vehicles did.
+
+    Return 1 if a declared rate is missing or a mission ended badly.
+    """
     with needs("record"):
         from groundlink.recording.reader import Recording
 
@@ -133,12 +150,14 @@ def _verdict(console: Console, out: Path, monitor: RunMonitor, *, as_json: bool 
         faults.append(
             f"{health.counters['bus_dropped']} messages dropped: faster than the recorder writes"
         )
+    faults += supervised.failures(missions, [mission.vehicle for mission in missions])
     if as_json:
-        print_json({"path": str(out), "topics": rows, "faults": faults})
+        judged = [mission.to_builtins() for mission in missions]
+        print_json({"path": str(out), "topics": rows, "missions": judged, "faults": faults})
         return 1 if faults else 0
+    console.print(missions_table(missions))
     console.print(table)
-    for fault in faults:
-        terminal.say(console, f"failed: {fault}")
+    supervised.say_faults(console, faults, missions)
     return 1 if faults else 0
 
 

@@ -4,7 +4,7 @@
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Mapping, Sequence
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.progress_bar import ProgressBar
@@ -16,7 +16,9 @@ from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.cli.terminal.output import display, say, stop_on_signals
 from groundlink.core.errors import UserError
+from groundlink.episode.mission import Mission
 from groundlink.messages.base import Health
+from groundlink.monitor.mission_monitor import MissionMonitor
 from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.monitor.supervisor import EXPLAINED, Child, Supervisor
 
@@ -48,6 +50,8 @@ class SupervisedRun:
         processes that end by themselves.
     dispensable
         processes without which the run continues.
+    missions
+        monitor of the vehicles; it receives the messages of the run.
     """
 
     def __init__(
@@ -59,8 +63,10 @@ class SupervisedRun:
         *,
         finite: Collection[str] = (),
         dispensable: Collection[str] = (),
+        missions: MissionMonitor | None = None,
     ) -> None:
         self.monitor = RunMonitor()
+        self.missions = missions or MissionMonitor()
         self.killed: list[str] = []
         """Processes that did not exit in time."""
         self._run, self._endpoint, self._shown = run, endpoint, shown
@@ -93,6 +99,7 @@ class SupervisedRun:
         with Bus(listen=self._endpoint) as bus:
             inbox: BusInbox[Health] = BusInbox(depth=1024)
             bus.subscribe(HEALTH.key_in(self._run), Health, inbox)
+            self.missions.subscribe(bus, self._run)
             try:
                 self._supervisor.start()
                 shown = display(self._shown, lambda: self._with_lines(picture()))
@@ -116,11 +123,12 @@ class SupervisedRun:
         return self.children[failed] if failed else None
 
     def _update_monitor(self, inbox: BusInbox[Health]) -> None:
-        """Pass waiting health messages to the monitor; wait briefly for the first."""
+        """Pass waiting messages to the monitors; wait briefly for the first of health."""
         while arrived := inbox.get(seconds=0.0 if len(inbox) else 0.05):
             self.monitor.update(arrived[1], time.monotonic())
             if self._stop.is_set():
                 break
+        self.missions.update()
 
     def _log(self, name: str, line: str) -> None:
         line = line.removeprefix(f"{name}: ")  # error lines start with the name
@@ -173,6 +181,21 @@ class RecorderProgress:
         line = Table.grid(padding=(0, 1))
         line.add_row(ProgressBar(self._seconds, done_seconds, width=BAR_WIDTH), text)
         yield line
+
+
+def failures(missions: Iterable[Mission], judged: Container[str]) -> list[str]:
+    """Return how the missions of the judged vehicles ended badly as lines."""
+    lines = (mission.failure() for mission in missions if mission.vehicle in judged)
+    return [line for line in lines if line is not None]
+
+
+def say_faults(shown: Console, faults: Sequence[str], missions: Iterable[Mission]) -> None:
+    """Print why a run failed, and what else happened to its vehicles."""
+    for fault in faults:
+        say(shown, f"failed: {fault}")
+    for line in (line for mission in missions for line in mission.problems()):
+        if line not in faults:
+            say(shown, f"warning: {line}")
 
 
 def exit_code(child: Child) -> int:

@@ -20,13 +20,14 @@ from groundlink.bus.queries import link_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import process_names
 from groundlink.cli import Subparsers
-from groundlink.cli.run.dashboard import streams_table
+from groundlink.cli.run.dashboard import missions_table, streams_table
 from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.cli.terminal.output import console, stop_on_signals
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.episode.fault_messages import kinds_in
 from groundlink.messages import missing_readings
 from groundlink.messages.base import Health
+from groundlink.monitor.mission_monitor import MissionMonitor
 from groundlink.monitor.overview import Overview
 from groundlink.process import runner as process
 from groundlink.scenario import Scenario
@@ -56,7 +57,8 @@ def top(options: argparse.Namespace) -> int:
     stop = stop_on_signals()
     shown = console()
     with joined(options, stop=stop, observer=True) as (bus, run, scenario):
-        overview = Overview(run, declared_rates(scenario))
+        overview = Overview(run, declared_rates(scenario), MissionMonitor.of(scenario))
+        overview.missions.subscribe(bus, run)
         prefix = HEALTH.key_in(run, process="")
         moves: deque[tuple[str, bool]] = deque()
         inbox: BusInbox[Health] = BusInbox(depth=1024)
@@ -83,6 +85,7 @@ def top(options: argparse.Namespace) -> int:
                 while moves:
                     key, there = moves.popleft()
                     overview.presence_changed(key.removeprefix(prefix), there)
+                overview.missions.update()
                 now = time.monotonic()
                 if options.once:
                     if overview.has_rates or now - begun > ONCE_SECONDS:
@@ -130,6 +133,8 @@ def picture(overview: Overview, now_seconds: float) -> RenderableType:
     parts: list[RenderableType] = [Text(head, style="bold"), _processes(now["processes"])]
     if stalls := str(overview.monitor.stalls):
         parts.insert(1, Text(stalls, style="yellow"))
+    if missions := overview.missions.missions():
+        parts.append(missions_table(missions))
     if overview.monitor.streams:
         parts.append(streams_table(overview.monitor.streams))
     else:

@@ -5,7 +5,7 @@ import argparse
 import dataclasses
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -18,9 +18,11 @@ from groundlink.core import VERSION
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.episode import journal
+from groundlink.episode.mission import Mission
 from groundlink.loader import field_changes, time_options
 from groundlink.messages.base import NOT_REPORTED
 from groundlink.monitor import process_commands
+from groundlink.monitor.mission_monitor import MissionMonitor
 from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.monitor.supervisor import Child
 from groundlink.scenario import Scenario
@@ -66,7 +68,11 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def up(options: argparse.Namespace) -> int:
-    """Run a scenario until Ctrl-C or `--duration`; return 0 if every declared rate was kept."""
+    """Run a scenario until Ctrl-C or `--duration`; return 0 if it went as it should.
+
+    Every declared rate was kept. No vehicle ended stuck, tipped over, falling or off the map, if it
+    has a route or the run a duration.
+    """
     if journal.is_saved_run(file := Path(options.scenario)):
         described = journal.loaded(journal.read(file), options.scenario).remaining_scenario()
         if options.set:
@@ -102,15 +108,17 @@ def up(options: argparse.Namespace) -> int:
         *(commands, run, options.listen, console),
         finite=[running.VIEWER],  # The run continues after its window was closed.
         dispensable=dispensable,
+        missions=MissionMonitor.of(scenario),
     )
     monitor, children = supervised_run.monitor, supervised_run.children
+    missions = supervised_run.missions.missions
     title = f"{scenario.name} (run `{run}`)"
     started = time.time()
     failed = supervised_run.go(
         Duration(
             monitor, options.duration, needs_reports=not options.no_ros, say=supervised_run.log
         ).is_over,
-        lambda: dashboard(title, monitor, children.values()),
+        lambda: dashboard(title, monitor, children.values(), missions()),
     )
     if supervised_run.killed:
         names = ", ".join(supervised_run.killed)
@@ -123,9 +131,11 @@ def up(options: argparse.Namespace) -> int:
         faults = monitor.faults(needs_reports=needs_reports)
     if options.record and children[running.RECORDER].is_skipped:
         faults.append(f"{options.record}: incomplete; see the error line of the recorder above")
-    _summarize(console, monitor, children, faults)
+    judged = [vehicle.name for vehicle in scenario.vehicles if options.duration or vehicle.route]
+    faults += supervised.failures(missions(), judged)
+    _summarize(console, monitor, children, missions(), faults)
     if options.report:
-        report = _report(scenario, run, started, monitor, children, faults)
+        report = _report(scenario, run, started, monitor, children, missions(), faults)
         with write_atomically(options.report) as part:
             part.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     if failed:
@@ -191,11 +201,14 @@ class Duration:
 
 
 def _summarize(
-    console: Console, monitor: RunMonitor, children: Mapping[str, Child], faults: list[str]
+    console: Console,
+    monitor: RunMonitor,
+    children: Mapping[str, Child],
+    missions: Sequence[Mission],
+    faults: list[str],
 ) -> None:
-    console.print(dashboard("summary", monitor, children.values()))
-    for fault in faults:
-        terminal.say(console, f"failed: {fault}")
+    console.print(dashboard("summary", monitor, children.values(), missions))
+    supervised.say_faults(console, faults, missions)
     if monitor.streams and not monitor.is_reported:
         line = f"{NOT_REPORTED}: the ROS side sent no TopicReport"
         terminal.say(console, line)
@@ -209,6 +222,7 @@ def _report(
     started: float,
     monitor: RunMonitor,
     children: Mapping[str, Child],
+    missions: Sequence[Mission],
     faults: list[str],
 ) -> dict[str, object]:
     """Return the report of a run as plain data."""
@@ -220,6 +234,7 @@ def _report(
         "real_time_factor": monitor.real_time_factor,
         "stalls": dataclasses.asdict(monitor.stalls),
         "faults": faults,
+        "missions": [mission.to_builtins() for mission in missions],
         "streams": [msgspec.to_builtins(stream) for stream in monitor.streams],
         "processes": {
             name: {

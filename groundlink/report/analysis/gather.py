@@ -7,12 +7,16 @@ IMU. Memory does not grow with the file.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rosbags.serde import SerdeError
 
 from groundlink.core.clock import NANOS
+from groundlink.episode.mission import Mission
+from groundlink.episode.mission_tracker import MissionTracker, world_box
+from groundlink.messages.ground_truth import Vitals
 from groundlink.recording.metadata import RunFacts
 from groundlink.recording.reader import RecordedMessage, Recording
 from groundlink.report.analysis.thumbnails import IMAGE_TYPES, CameraThumbnails
@@ -51,6 +55,9 @@ class RunSummary:
     streams: list[StreamTimes]
     motions: list[VehicleMotion]
     energies: list[Energy]
+    missions: list[Mission]
+    """Verdicts on the vehicles whose ground truth was recorded."""
+
     readings: dict[str, list[Readings]]
     """Plotted readings by vehicle."""
 
@@ -80,6 +87,8 @@ def gather(recording: Recording, progress: Callable[[float], object]) -> RunSumm
         if number % PROGRESS_MESSAGES == 0:
             progress((message.nanos - recording.first_nanos) / span)
     progress(1.0)
+    missions = [tracker.mission() for tracker in taking.trackers]
+    taking.gathered.missions = [mission for mission in missions if mission.seconds]
     return taking.gathered
 
 
@@ -105,6 +114,7 @@ class _Taking:
             streams=list(streams.values()),
             motions=[],
             energies=[],
+            missions=[],
             readings={},
             cameras=[],
             failures=[],
@@ -112,6 +122,8 @@ class _Taking:
             diagnostics=RunDiagnostics(),
             undecodable=0,
         )
+        self.trackers: list[MissionTracker] = []
+        box = world_box(run.scenario)
         self._counted = expected = {name: facts.messages for name, facts in counted.items()}
         for vehicle in run.scenario.vehicles:
             truth = run.scenario.ground_truth_topic(vehicle)
@@ -121,9 +133,11 @@ class _Taking:
             asked = stride(expected.get(vehicle.command_topic, 0))
             self.gathered.motions.append(motion)
             self.gathered.energies.append(energy)
-            self._decode(truth, motion.moved, motion.stride)
-            self._decode(vehicle.command_topic, motion.was_asked, asked)
-            self._on_report(vitals, from_vitals, energy.add)
+            tracker = MissionTracker(vehicle, box, hold=asked)
+            self.trackers.append(tracker)
+            self._decode(truth, partial(_moved, motion, tracker), motion.stride)
+            self._decode(vehicle.command_topic, partial(_asked, motion, tracker), asked)
+            self._on_report(vitals, from_vitals, partial(_reported, energy, tracker))
             kept = [reading for s in vehicle.sensors if (reading := self._reading(s))]
             self.gathered.readings[vehicle.name] = kept
         self._by_topic = {stream.topic: stream for stream in self.gathered.completeness}
@@ -206,6 +220,26 @@ class _Taking:
                 camera.add(self.gathered.seconds(message.nanos), _decoded(message))
 
         self._handlers[topic] = handler
+
+
+def _moved(motion: VehicleMotion, tracker: MissionTracker, seconds: float, odometry: Any) -> None:
+    """Take a nav_msgs/Odometry of the ground truth."""
+    motion.moved(seconds, odometry)
+    pose = odometry.pose.pose
+    place, turn = pose.position, pose.orientation
+    tracker.moved(seconds, (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w))
+
+
+def _asked(motion: VehicleMotion, tracker: MissionTracker, seconds: float, twist: Any) -> None:
+    """Take a geometry_msgs/Twist."""
+    motion.was_asked(seconds, twist)
+    tracker.commanded(seconds, twist.linear.x, twist.angular.z)
+
+
+def _reported(energy: Energy, tracker: MissionTracker, seconds: float, vitals: Vitals) -> None:
+    """Take the vitals."""
+    energy.add(seconds, vitals)
+    tracker.touched(seconds, (contact.name for contact in vitals.contacts))
 
 
 def _decoded(message: RecordedMessage) -> Any:

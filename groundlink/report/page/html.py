@@ -60,6 +60,7 @@ def table(
     numbers: Iterable[int] = (),
     code: Iterable[int] = (),
     off: Iterable[int] = (),
+    bad: Iterable[int] = (),
 ) -> Markup:
     """Return a table.
 
@@ -67,11 +68,11 @@ def table(
     ----------
     numbers, code
         columns that hold figures, or names of topics and the like.
-    off
-        rows that stand out.
+    off, bad
+        rows that stand out in orange, or in red.
     """
     kinds = dict.fromkeys(numbers, "n") | dict.fromkeys(code, "code")
-    marked = set(off)
+    marked = dict.fromkeys(off, " class=off") | dict.fromkeys(bad, " class=bad")
 
     def cells(tag: str, row: Sequence[str]) -> str:
         made = []
@@ -82,7 +83,7 @@ def table(
 
     lines = [f"<tr>{cells('th', columns)}</tr>"]
     for number, row in enumerate(rows):
-        lines.append(f"<tr{' class=off' if number in marked else ''}>{cells('td', row)}</tr>")
+        lines.append(f"<tr{marked.get(number, '')}>{cells('td', row)}</tr>")
     body = "\n".join(lines[1:])
     return Markup(
         f'<div class="wide"><table><thead>{lines[0]}</thead>\n<tbody>{body}</tbody></table></div>'

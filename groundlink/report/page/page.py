@@ -69,7 +69,12 @@ def page(run: RunSummary) -> str:
     template = Template(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
     level = scenario.world.terrain is None
     around = outlines(solids(scenario), level=level)
-    sections = [_trajectory(run, around), *_vehicles(run, span), *_sensors(run, around, span)]
+    sections = [
+        _missions(run),
+        _trajectory(run, around),
+        *_vehicles(run, span),
+        *_sensors(run, around, span),
+    ]
     sections += [_streams(run, span), _link(run, span)]
     sections += [
         _cameras(run),
@@ -107,6 +112,42 @@ def _facts(run: RunSummary) -> Markup:
     facts.append((f"{run.messages:,}".replace(",", "\u202f"), "messages"))
     facts.append((f"{run.size_bytes / 1e6:.1f} MB", "on disk"))
     return tiles(facts)
+
+
+def _missions(run: RunSummary) -> Markup:
+    """Return what each vehicle was commanded and did, and how it ended."""
+    missions = run.missions
+    rows = [
+        (
+            mission.vehicle,
+            mission.state,
+            _percent(mission.route_share),
+            f"{mission.driven_m:.1f} m",
+            *_followed(mission.followed_m, mission.commanded_m, mission.speed_share, "m"),
+            *_followed(mission.turned_rad, mission.commanded_rad, mission.turn_share, "rad"),
+            f"{mission.stuck_seconds:.1f} s",
+        )
+        for mission in missions
+    ]
+    columns = (
+        *("vehicle", "ends", "route", "driven", "commanded", "followed", "share"),
+        *("commanded", "turned", "share", "stuck"),
+    )
+    off = [number for number, mission in enumerate(missions) if mission.problems()]
+    bad = [number for number, mission in enumerate(missions) if mission.ending]
+    parts = [table(columns, rows, numbers=range(2, 11), code=(0,), off=off, bad=bad)]
+    events = [line for mission in missions for line in mission.problems()]
+    parts += [paragraph(line) for line in events]
+    return section("Mission", *parts) if missions else Markup("")
+
+
+def _followed(done: float, asked: float, share: float | None, unit: str) -> tuple[str, str, str]:
+    """Return a commanded motion, how much of it was done, and the share."""
+    return f"{asked:.1f} {unit}", f"{done:.1f} {unit}", _percent(share)
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{100 * share:.0f} %"
 
 
 def _joules(value: float) -> str:

@@ -20,8 +20,8 @@ SPANS = 3
 
 
 def problems(run: RunSummary) -> list[str]:
-    """Return the problems of a run as lines."""
-    lines = []
+    """Return the problems of a run as lines; how missions ended badly comes first."""
+    lines = [line for mission in run.missions for line in mission.problems()]
     for stream in run.streams:
         if not keeps_rate(stream):
             measured = "none" if stream.measured_hz is None else f"{stream.measured_hz:.2f} Hz"
@@ -83,7 +83,8 @@ def verdict(run: RunSummary) -> Markup:
     if not found:
         return Markup(
             '<div class="verdict">Every declared rate was kept from the first message to the last, '
-            "without a gap, and nothing was touched.</div>"
+            "without a gap, every vehicle followed its commands, and nothing was touched.</div>"
         )
     items = "".join(f"<li>{text(fault)}</li>" for fault in found)
-    return Markup(f'<div class="verdict bad">Problems:<ul>{items}</ul></div>')
+    kind = "failed" if any(mission.ending for mission in run.missions) else "bad"
+    return Markup(f'<div class="verdict {kind}">Problems:<ul>{items}</ul></div>')

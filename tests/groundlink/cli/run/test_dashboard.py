@@ -5,9 +5,10 @@ import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
-from groundlink.cli.run.dashboard import dashboard
-from groundlink.cli.run.supervised import LINES_SHOWN, SupervisedRun
+from groundlink.cli.run.dashboard import dashboard, missions_table
+from groundlink.cli.run.supervised import LINES_SHOWN, SupervisedRun, failures, say_faults
 from groundlink.cli.terminal.output import PLAIN_WIDTH
+from groundlink.episode.mission import Mission, MissionEvent
 from groundlink.messages.base import Health, StreamReport
 from groundlink.messages.stalls import Stalls
 from groundlink.monitor.run_monitor import RunMonitor
@@ -159,3 +160,37 @@ def test_missing_readings_are_shown_with_cause() -> None:
     picture = shown(Health("rover/camera", 1, 400, counters))
     cells = [cell.strip() for cell in line(picture, "rover/camera").split("│")]
     assert cells[4:6] == ["12 overloaded, 3 not there", "readings 7"]
+
+
+STUCK = MissionEvent("stuck", 3.0, None, (1.5, 0.0, 0.2), (0.5, 0.0), ("table_1",))
+MISSION = Mission("rover", "stuck", 20.0, 0.625, 1.5, 10.0, 1.5, 0.2, 0.0, 17.0, (), STUCK, "pull")
+FINE = Mission("second_rover", "standing", 20.0, None, 4.0, 4.1, 4.0, 1.0, 0.99, 0.0, ())
+
+
+@pytest.mark.parametrize("width", [80, 110])
+def test_missions_fit_a_narrow_terminal(width: int) -> None:
+    console = Console(width=width, file=io.StringIO())
+    with console.capture() as capture:
+        console.print(missions_table([MISSION, FINE]))
+    picture = capture.get()
+    assert max(map(len, picture.splitlines())) <= width
+    cells = [cell.strip() for cell in line(picture, "rover").split("│")[1:-1]]
+    assert cells == ["rover", "stuck", "62 %", "1.5 m", "15 %", "-", "17.0 s"]
+    assert "standing" in line(picture, "second_rover")
+
+
+def test_a_bad_end_fails_only_runs_with_a_goal() -> None:
+    failure = MISSION.failure()
+    assert failures([MISSION, FINE], ["rover", "second_rover"]) == [failure]
+    assert failures([MISSION, FINE], []) == []
+
+
+def test_faults_are_printed_once_and_the_rest_as_warnings() -> None:
+    console = Console(width=80, file=io.StringIO())
+    with console.capture() as capture:
+        say_faults(console, [f"{MISSION.failure()}"], [MISSION, FINE])
+    assert capture.get().splitlines() == [
+        "failed: rover: stuck at x 1.50, y 0.00 m since 3.0 s (commanded 0.50 m/s, 0.00 rad/s), "
+        "touching `table_1`. Fix: pull",
+        "warning: rover drove 1.5 of 10.0 m commanded",
+    ]

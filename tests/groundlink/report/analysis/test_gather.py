@@ -74,6 +74,14 @@ def test_energy_is_the_last_total_and_a_contact_is_one_event(gathered: RunSummar
     assert event.ticks == 20
 
 
+def test_the_mission_is_judged_by_truth_commands_and_contacts(gathered: RunSummary) -> None:
+    [mission] = gathered.missions
+    assert (mission.vehicle, mission.state, mission.ending) == ("rover", "driving", None)
+    assert mission.driven_m == pytest.approx(SPEED_MPS * mission.seconds, rel=0.01)
+    assert mission.speed_share == pytest.approx(SPEED_MPS / 0.8, abs=0.02)
+    assert mission.turn_share == pytest.approx(1.0, abs=0.02)
+
+
 def test_process_diagnostics_are_kept(gathered: RunSummary) -> None:
     assert gathered.diagnostics.processes["gateway"]["host"] == "lab-pc"
     assert gathered.diagnostics.processes["gateway"]["stale"] == "4"

@@ -73,7 +73,8 @@ def content(gathered: RunSummary) -> str:
 def test_everything_has_its_section(content: str) -> None:
     reader = read(content)
     assert ", ".join(reader.headings) == (
-        "Trajectory, Speed, Energy and contacts, Sensors, Rates and gaps, Ages and losses, "
+        "Mission, Trajectory, Speed, Energy and contacts, Sensors, Rates and gaps, "
+        "Ages and losses, "
         "Cameras, Missing readings, Processes, Provenance"
     )
     assert reader.tags["svg"] == 6
@@ -135,6 +136,7 @@ def test_absent_sections_are_omitted(gathered: RunSummary) -> None:
         gathered,
         motions=[VehicleMotion("rover", 1)],
         energies=[Energy("rover", 1)],
+        missions=[],
         readings={"rover": []},
         cameras=[],
         completeness=[],

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Nothing is said to be well where a bar of the page is not green."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -8,8 +9,11 @@ from typing import Any
 import pytest
 
 from groundlink.core.clock import NANOS
+from groundlink.episode.mission_tracker import MissionTracker
 from groundlink.report.analysis.gather import RunSummary
 from groundlink.report.analysis.streams import StreamTimes
+from groundlink.report.page.html import text
+from groundlink.report.page.page import page
 from groundlink.report.page.verdict import problems, verdict
 
 SECONDS = 10
@@ -30,6 +34,7 @@ def run_of(gathered: RunSummary, stream: StreamTimes) -> RunSummary:
         gathered,
         **{"streams": [stream], "first_nanos": gathered.run.epoch_nanos, "diagnostics": quiet},
         **{"completeness": [], "failures": [], "energies": [], "undecodable": 0},
+        missions=[],
     )
 
 
@@ -70,3 +75,21 @@ def test_of_many_times_some_are_named(gathered: RunSummary) -> None:
     seconds = [each for i, hz in enumerate(rates) for each in every(i, i + 1, hz)]
     (line,) = problems(run_of(gathered, track(seconds)))
     assert line.endswith("from 4.0 to 5.0 s and 1 more")
+
+
+def test_a_rover_that_stands_still_for_17_of_20_seconds_gets_a_red_page(
+    gathered: RunSummary,
+) -> None:
+    tracker = MissionTracker(gathered.run.scenario.vehicles[0], None)
+    for tick in range(200):
+        tracker.commanded(tick / 10, 0.5, 0.0)
+        tracker.moved(tick / 10, (min(0.05 * tick, 1.5), 0.0, 0.2), (0.0, 0.0, 0.0, 1.0))
+    run = replace(run_of(gathered, track(every(0, 10))), missions=[tracker.mission()])
+    stuck, drove = problems(run)
+    assert stuck.startswith("rover: stuck at x 1.")
+    assert drove == "rover drove 1.5 of 9.9 m commanded"
+    assert 'class="verdict failed"' in verdict(run)
+    content = page(replace(gathered, missions=run.missions))
+    (row,) = re.findall("<tr class=bad>.*</tr>", content)
+    assert "stuck" in row
+    assert content.count(f"<p>{text(stuck)}</p>") == 1

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Missions of a run's vehicles, from the ground truth, commands and vitals on its bus."""
+
+from collections.abc import Iterable
+from math import inf
+
+from groundlink.bus.core_topics import COMMAND
+from groundlink.bus.inbox import BusInbox
+from groundlink.bus.session import Bus
+from groundlink.bus.topics import GROUND_TRUTH, VITALS, WHEEL_COMMAND
+from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.episode.mission import Mission
+from groundlink.episode.mission_tracker import MissionTracker, wheels_twist, world_box
+from groundlink.messages.base import BusMessage, Command, WheelCommand
+from groundlink.messages.ground_truth import Vitals
+from groundlink.messages.navigation import Odometry
+from groundlink.scenario import Scenario
+from groundlink.scenario.schema import Vehicle
+from groundlink.world.bounds import Bounds
+
+INBOX_DEPTH = 4096
+"""Messages of a vehicle that may wait: 2 s of a run at ten times real time."""
+
+ABSENT_SECONDS = 2.0
+"""A vehicle without a state for this long has been removed."""
+
+ROWS = (GROUND_TRUTH, COMMAND, WHEEL_COMMAND, VITALS)
+
+
+class MissionMonitor:
+    """Tracks the vehicles of a run through its episodes: each one begins new missions.
+
+    Vehicles that are spawned later are not tracked.
+
+    Parameters
+    ----------
+    box
+        corners of the world; see `MissionTracker`.
+    until_seconds
+        sim time after which states are ignored.
+    """
+
+    def __init__(
+        self,
+        vehicles: Iterable[Vehicle] = (),
+        box: Bounds | None = None,
+        *,
+        until_seconds: float = inf,
+    ) -> None:
+        self._vehicles = [_VehicleMonitor(vehicle, box, until_seconds) for vehicle in vehicles]
+
+    @classmethod
+    def of(cls, scenario: Scenario, *, until_seconds: float = inf) -> "MissionMonitor":
+        """Return the monitor of a scenario's vehicles."""
+        return cls(scenario.vehicles, world_box(scenario), until_seconds=until_seconds)
+
+    def subscribe(self, bus: Bus, run: str) -> None:
+        """Receive the messages of a run."""
+        for vehicle in self._vehicles:
+            for row in ROWS:
+                key = row.key_in(run, vehicle=vehicle.name)
+                bus.subscribe(key, row.message, vehicle.inbox)
+
+    def update(self) -> None:
+        """Process all messages that have come."""
+        for vehicle in self._vehicles:
+            vehicle.update()
+
+    def missions(self) -> list[Mission]:
+        """Return the mission of each vehicle that is there."""
+        found = [vehicle.tracker.mission() for vehicle in self._vehicles if vehicle.is_known]
+        newest = max((mission.seconds for mission in found), default=0.0)
+        return [mission for mission in found if mission.seconds > newest - ABSENT_SECONDS]
+
+
+class _VehicleMonitor:
+    """The mission of one vehicle in the present episode."""
+
+    def __init__(self, vehicle: Vehicle, box: Bounds | None, until_seconds: float) -> None:
+        self.name = vehicle.name
+        self._until_seconds = until_seconds
+        self.inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_DEPTH)
+        self._vehicle, self._box = vehicle, box
+        self._epoch_nanos, self._tick = 0, -1
+        self.tracker = MissionTracker(vehicle, box)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the time of the run is known, from the first vitals on."""
+        return self._tick >= 0
+
+    def update(self) -> None:
+        while len(self.inbox) and (arrived := self.inbox.get(seconds=0)):
+            self._take(arrived[1])
+
+    def _take(self, message: BusMessage) -> None:
+        """Take a message; all before the first vitals are skipped."""
+        if isinstance(message, Vitals):
+            self._begin_episode(message)
+            names = (contact.name for contact in message.contacts)
+            self.tracker.touched(message.tick * TICK_NANOS / NANOS, names)
+        elif not self.is_known:
+            return
+        elif isinstance(message, Odometry):
+            seconds = self._seconds(message.stamp_nanos)
+            if seconds <= self._until_seconds:
+                self.tracker.moved(seconds, message.position_m, message.orientation)
+        elif isinstance(message, Command):
+            seconds = self._seconds(message.stamp_nanos)
+            self.tracker.commanded(seconds, message.linear_mps[0], message.angular_radps[2])
+        elif isinstance(message, WheelCommand):
+            twist = wheels_twist(self._vehicle.model, message.speeds_radps)
+            self.tracker.commanded(self._seconds(message.stamp_nanos), *twist)
+
+    def _begin_episode(self, vitals: Vitals) -> None:
+        """Begin a new mission if vitals are of another episode."""
+        epoch_nanos = vitals.stamp_nanos - vitals.tick * TICK_NANOS
+        if epoch_nanos != self._epoch_nanos or vitals.tick < self._tick:
+            self.tracker = MissionTracker(self._vehicle, self._box)
+        self._epoch_nanos, self._tick = epoch_nanos, vitals.tick
+
+    def _seconds(self, stamp_nanos: int) -> float:
+        return (stamp_nanos - self._epoch_nanos) / NANOS

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of the bus become missions, episode by episode."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from groundlink.bus.topics import WHEEL_COMMAND
+from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.episode.mission import STUCK
+from groundlink.loader import load
+from groundlink.messages.base import BusMessage, Command, WheelCommand, encode, packed
+from groundlink.messages.ground_truth import Contact, Vitals
+from groundlink.messages.navigation import Odometry
+from groundlink.monitor.mission_monitor import MissionMonitor
+from groundlink.scenario import Scenario
+
+EPOCH = 1_700_000_000 * NANOS
+ZERO3 = (0.0, 0.0, 0.0)
+NO_ERROR = packed(np.zeros(36))
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+
+
+class StandInBus:
+    """Hands messages to inboxes as Zenoh does."""
+
+    def __init__(self) -> None:
+        self.inboxes: dict[str, tuple[type[BusMessage], object]] = {}
+
+    def subscribe(self, key: str, message: type[BusMessage], inbox: object) -> None:
+        self.inboxes[key] = message, inbox
+
+    def send(self, key: str, message: BusMessage) -> None:
+        message_type, inbox = self.inboxes[f"groundlink/lab/{key}"]
+        assert type(message) is message_type
+        inbox.put(key, encode(message), message_type)  # type: ignore[attr-defined]
+
+
+def vitals(tick: int, touched: Sequence[str] = (), epoch: int = EPOCH) -> Vitals:
+    contacts = tuple(Contact(name, 1.0, tick, 1) for name in touched)
+    return Vitals(epoch + tick * TICK_NANOS, "rover", tick, 0.0, 0.0, contacts)
+
+
+def truth(tick: int, x_m: float, epoch: int = EPOCH) -> Odometry:
+    stamp, place = epoch + tick * TICK_NANOS, (x_m, 0.0, 0.2)
+    frames = ("world", "base_link")
+    return Odometry(stamp, *frames, place, UPRIGHT, ZERO3, ZERO3, NO_ERROR, NO_ERROR)
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return load("indoor_lab")
+
+
+def run_of(monitor: MissionMonitor, seconds: int, command: BusMessage, epoch: int = EPOCH) -> None:
+    """Let the rover stand at a wall for some time, under commands."""
+    bus = StandInBus()
+    monitor.subscribe(bus, "lab")  # type: ignore[arg-type]
+    key = "rover/command/wheels" if isinstance(command, WheelCommand) else "rover/command"
+    for tick in range(0, 400 * seconds, 40):
+        stamp = epoch + tick * TICK_NANOS
+        bus.send("rover/vitals", vitals(tick, ["wall_2"], epoch))
+        bus.send(key, replace(command, stamp_nanos=stamp))  # type: ignore[type-var]
+        bus.send("rover/ground_truth", truth(tick, 1.5, epoch))
+    monitor.update()
+
+
+AHEAD = Command(0, (0.5, 0.0, 0.0), ZERO3)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        AHEAD,
+        WheelCommand(
+            0,
+            {f"{end}_{side}_wheel": 3.0 for end in ("front", "rear") for side in ("left", "right")},
+        ),
+    ],
+)
+def test_a_vehicle_at_a_wall_is_stuck(scenario: Scenario, command: BusMessage) -> None:
+    monitor = MissionMonitor.of(scenario)
+    assert monitor.missions() == []
+    run_of(monitor, 10, command)
+    (mission,) = monitor.missions()
+    assert mission.state == STUCK
+    assert mission.ending
+    assert mission.ending.touching == ("wall_2",)
+    assert mission.seconds == pytest.approx(9.9)
+    assert mission.to_builtins()["failure"] == mission.failure()
+
+
+@pytest.mark.parametrize("epoch", [EPOCH, EPOCH + 10 * NANOS])
+def test_a_reset_begins_a_new_mission(scenario: Scenario, epoch: int) -> None:
+    monitor = MissionMonitor.of(scenario)
+    run_of(monitor, 10, AHEAD)
+    run_of(monitor, 2, AHEAD, epoch)
+    (mission,) = monitor.missions()
+    assert (mission.state, mission.events) == ("driving", ())
+    assert mission.seconds == pytest.approx(1.9)
+
+
+def test_a_removed_vehicle_is_left_out() -> None:
+    rovers = load("two_rovers")
+    monitor = MissionMonitor.of(rovers)
+    bus = StandInBus()
+    monitor.subscribe(bus, "lab")  # type: ignore[arg-type]
+    for tick in range(0, 4000, 40):
+        for name in ("first", "second") if tick < 2000 else ("first",):
+            bus.send(f"{name}/vitals", vitals(tick))
+            bus.send(f"{name}/ground_truth", truth(tick, 0.0))
+    monitor.update()
+    assert [mission.vehicle for mission in monitor.missions()] == ["first"]
+    assert f"groundlink/lab/second/{WHEEL_COMMAND.key.partition('/')[2]}" in bus.inboxes
