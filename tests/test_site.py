@@ -13,6 +13,7 @@ import groundlink
 import udp_bridge
 from groundlink.core import VERSION
 from tests.bridge.programs import need
+from tools import error_reference as errors
 from tools.command_reference import page
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -109,6 +110,10 @@ def text(name: str) -> str:
 
 def test_the_commands_are_those_of_the_parser() -> None:
     assert text("reference/commands.md") == page(), "run: python -m tools.command_reference"
+
+
+def test_the_errors_are_those_of_the_sources() -> None:
+    assert text("reference/errors.md") == errors.page(), "run: python -m tools.error_reference"
 
 
 def test_the_python_page_has_every_public_name(site: Path) -> None:
