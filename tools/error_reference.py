@@ -91,7 +91,7 @@ def _exit_codes(trees: Iterable[ast.Module]) -> dict[str, int]:
     bases = {
         node.name: [ast.unparse(base) for base in node.bases]
         for tree in trees
-        for node in ast.walk(tree)
+        for node in tree.body
         if isinstance(node, ast.ClassDef)
     }
     while more := {
