@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes docs/reference/errors.md from the sources: ``python -m tools.error_reference``.
 
-The page has every text that a program raises as an error for users: errors of the family of
+The page has every text of an error that users read: errors of the family of
 `UserError`, and the checks of scenario fields, which the loader reports with file and line. A test
 compares the page with the sources.
 """
@@ -108,12 +108,12 @@ def _rows(path: str, tree: ast.Module, codes: dict[str, int]) -> Iterator[Row]:
     """Yield the errors of a module."""
     checked = any(part in path for part in CHECKED)
     for node in ast.walk(tree):
-        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and node.exc.args:
-            name = ast.unparse(node.exc.func).rpartition(".")[2]
+        if isinstance(node, ast.Call) and node.args:
+            name = ast.unparse(node.func).rpartition(".")[2]
             if name == "mistake" or (name == "ValueError" and checked):
                 name = UserError.__name__
             if name in codes:
-                yield from _row(node.exc.args[-1], codes[name])
+                yield from _row(node.args[-1], codes[name])
         elif isinstance(node, ast.FunctionDef) and node.name.endswith("problems"):
             for inner in ast.walk(node):
                 if isinstance(inner, ast.Yield) and inner.value is not None:
