@@ -5,6 +5,7 @@ import ast
 import importlib
 import os
 import re
+import shlex
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
+from groundlink.cli.commands import parser
 from udp_bridge.node.bridge_node import Settings
 
 ROS = Path(__file__).resolve().parents[2] / "ros"
@@ -67,18 +69,35 @@ def test_what_setup_installs_is_there_and_its_command_runs() -> None:
 
 def test_the_launch_files_name_what_is_there() -> None:
     ros2 = ET.parse(ROS2 / "launch/bridge.launch.xml").getroot()
+    whole = ET.parse(ROS2 / "launch/run.launch.xml").getroot()
     ros1_folder = ROS / "ros1/udp_bridge_ros1"
     ros1 = ET.parse(ros1_folder / "launch/bridge.launch").getroot()
     for root, share, folder in (
         (ros2, "$(find-pkg-share udp_bridge_ros2)/", ROS2),
+        (whole, "$(find-pkg-share udp_bridge_ros2)/", ROS2),
         (ros1, "$(find udp_bridge_ros1)/", ros1_folder),
     ):
         text = ET.tostring(root, encoding="unicode")
         paths = re.findall(re.escape(share) + r'([^"\s]+)', text)
         assert paths
         assert all((folder / path).exists() for path in paths)
-        declared = {arg.get("name") for arg in root.iter("arg")}
+        declared = {arg.get("name") for arg in root.findall("arg")}
         assert declared == set(re.findall(r"\$\((?:var|arg) (\w+)\)", text))
+
+
+def test_the_launch_file_of_a_run_has_a_command_and_arguments_that_exist() -> None:
+    bridge = ET.parse(ROS2 / "launch/bridge.launch.xml").getroot()
+    run = ET.parse(ROS2 / "launch/run.launch.xml").getroot()
+    passed = {arg.get("name") for include in run.iter("include") for arg in include.iter("arg")}
+    assert passed <= {arg.get("name") for arg in bridge.findall("arg")}
+    values = {str(arg.get("name")): str(arg.get("default")) for arg in run.findall("arg")}
+    values |= {"scenario": "mine.yaml", "options": "--duration 20 --record run.mcap"}
+    (executable,) = run.iter("executable")
+    command = re.sub(r"\$\(var (\w+)\)", lambda found: values[found[1]], str(executable.get("cmd")))
+    first, name, *words = shlex.split(command)
+    assert (first, name) == ("exec", "groundlink")
+    options = parser().parse_args(words)
+    assert (options.scenario, options.duration, options.no_ros) == ("mine.yaml", 20.0, True)
 
 
 def test_the_file_of_parameters_has_the_defaults_of_the_node() -> None:

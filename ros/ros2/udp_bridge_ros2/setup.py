@@ -19,7 +19,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", ["config/bridge.yaml"]),
-        (f"share/{NAME}/launch", ["launch/bridge.launch.xml"]),
+        (f"share/{NAME}/launch", ["launch/bridge.launch.xml", "launch/run.launch.xml"]),
         (f"share/{NAME}/rviz", ["rviz/groundlink.rviz"]),
     ],
     # rclpy and the message packages come with ROS, or from the wheels that replace it.
