@@ -3,7 +3,6 @@
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -14,7 +13,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-REPOSITORY = Path(__file__).parents[1]
+from tests.building import REPOSITORY, build_wheels, pip
 
 EXTRAS = (
     *("physics", "sensors", "camera", "gateway", "record", "export", "view", "report", "secure"),
@@ -86,23 +85,14 @@ print(json.dumps(results))
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Folders with the installed wheel of each of our distributions.
-
-    Wheels are built from a copy without anything that was built here.
-    """
+    """Folders with the installed wheel of each of our distributions."""
     source = tmp_path_factory.mktemp("source")
-    built = shutil.ignore_patterns("__pycache__", "*.so", "build", "*.egg-info")
-    for folder in ("groundlink", "services", "scenarios", "udp-bridge"):
-        shutil.copytree(REPOSITORY / folder, source / folder, symlinks=True, ignore=built)
-    for file in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(REPOSITORY / file, source)
-    out = source / "wheels"
-    _pip("wheel", "--no-deps", "--no-build-isolation", "-w", out, source, source / "udp-bridge")
+    out = build_wheels(source)
     folders = {}
     for name in ("groundlink", "udp-bridge"):
         (wheel,) = out.glob(f"{name.replace('-', '_')}-*.whl")
         folders[name] = source / "installed" / name
-        _pip("install", "--no-deps", "--no-index", "--target", folders[name], wheel)
+        pip(sys.executable, "install", "--no-deps", "--no-index", "--target", folders[name], wheel)
     return folders
 
 
@@ -202,11 +192,6 @@ def _brought(what: metadata.Distribution, extra: str, found: set[str]) -> Iterat
             continue
         found.add(needed.name)
         yield needed.name
+        inner = what if needed.name == what.name else metadata.distribution(needed.name)
         for more in ("", *needed.extras):
-            yield from _brought(metadata.distribution(needed.name), more, found)
-
-
-def _pip(*words: str | Path) -> None:
-    command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q", *words]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+            yield from _brought(inner, more, found)
