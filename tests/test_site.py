@@ -12,6 +12,8 @@ import yaml
 import groundlink
 import udp_bridge
 from groundlink.core import VERSION
+from groundlink.ros.cdr import CODECS
+from groundlink.scenario.sensor_kinds import sensor_kinds
 from tests.bridge.programs import need
 from tools import error_reference as errors
 from tools.command_reference import page
@@ -114,6 +116,20 @@ def test_the_commands_are_those_of_the_parser() -> None:
 
 def test_the_errors_are_those_of_the_sources() -> None:
     assert text("reference/errors.md") == errors.page(), "run: python -m tools.error_reference"
+
+
+def test_the_streams_and_ros_types_are_those_of_the_code() -> None:
+    listed = text("reference/topics.md")
+    rows = re.findall(r"^\| `(\w+)` \| (?:`(\w+)` )?\| ([\w/]+)", listed, re.MULTILINE)
+    streams = {
+        (kind.name, name, CODECS[message].ros_type.replace("/msg/", "/"))
+        for kind in sensor_kinds().values()
+        if kind.package.startswith("services.")
+        for name, message in kind.streams.items()
+    }
+    assert set(rows) == streams
+    types = {codec.ros_type.replace("/msg/", "/") for codec in CODECS.values()}
+    assert {ros_type for ros_type in types if ros_type not in listed} == set()
 
 
 def test_the_python_page_has_every_public_name(site: Path) -> None:
