@@ -7,6 +7,7 @@ from groundlink.core import VERSION
 
 from .files import (
     check,
+    completion,
     compose,
     convert,
     explain,
@@ -30,7 +31,7 @@ GROUPS = {
     "control a run": (drive, control, save, spawn, fault, link),
     "use a recording": (report, verify, export, convert),
     "write a scenario": (new, check, explain, sensors, topics, schema, world),
-    "deploy": (compose, secure),
+    "set up": (compose, secure, completion),
 }
 """Modules of the commands, in the order and under the titles of `groundlink --help`."""
 

@@ -44,8 +44,13 @@ def shipped_datasheets() -> list[CheckedDatasheet]:
     ScenarioError
         as `load_datasheet` does.
     """
+    return [_checked(file) for file in datasheet_files()]
+
+
+def datasheet_files() -> list[Path]:
+    """Return the files of `shipped_datasheets`."""
     return [
-        _checked(file)
+        file
         for folder in (SHIPPED / SHEETS, *sheet_folders())
         for file in sorted(folder.glob("*.yaml"))
     ]

@@ -13,7 +13,7 @@ def add_parser(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser(
         "schema", help="print the JSON Schema of a kind of file, for editors"
     )
-    parser.add_argument("kind", choices=KINDS, help="kind of file")
+    parser.add_argument("kind", choices=tuple(KINDS), help="kind of file")
     parser.set_defaults(command=schema)
 
 
