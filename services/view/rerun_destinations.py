@@ -134,6 +134,9 @@ class ViewerProcess:
 
     def close(self) -> None:
         """End the viewer."""
+        if self._recording is not None and self.alive():
+            self._recording.disconnect()  # a stream whose viewer has ended reports errors
+            self._recording = None
         self._process.terminate()
         try:
             self._process.wait(END_SECONDS)
