@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The library of materials defines what a scenario uses and leaves undefined, and nothing else."""
 
+import re
 from pathlib import Path
 
 import msgspec
@@ -15,6 +16,8 @@ from groundlink.scene.build import material_uses
 from groundlink.world.objects.indoor_specs import Clutter, Door, Furniture, Room
 from groundlink.world.objects.outdoor_specs import OutdoorObject
 from tests.groundlink.scenario.test_defaults import structs
+
+ROOT = Path(__file__).resolve().parents[3]
 
 NAMES = [
     file.stem for folder in ("worlds", "vehicles") for file in (SHIPPED / folder).glob("*.yaml")
@@ -86,6 +89,13 @@ def test_what_is_shipped_does_not_depend_on_the_library(
     monkeypatch.setattr(material_library, "material_library", dict)
     scenario = load_partial(name)[1]
     assert {name for _, name in material_uses(scenario)} <= scenario.world.materials.keys()
+
+
+def test_the_page_of_worlds_lists_the_library() -> None:
+    page = (ROOT / "docs" / "how-to" / "worlds.md").read_text(encoding="utf-8")
+    section = page.partition("\n## Materials\n")[2].partition("\n## ")[0]
+    rows = [line for line in section.splitlines() if line.startswith("| ")]
+    assert re.findall(r"`(\w+)`", "".join(rows)) == list(library())
 
 
 def test_a_definition_has_a_texture_and_a_color() -> None:
