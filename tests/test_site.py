@@ -132,6 +132,13 @@ def test_the_streams_and_ros_types_are_those_of_the_code() -> None:
     assert {ros_type for ros_type in types if ros_type not in listed} == set()
 
 
+def test_every_data_sheet_is_in_the_reference() -> None:
+    pages = "".join(page.read_text(encoding="utf-8") for page in (DOCS / "reference").glob("*.md"))
+    sheets = [sheet.stem for sheet in (ROOT / "scenarios" / "sensors").glob("*.yaml")]
+    assert len(sheets) > 20
+    assert [sheet for sheet in sheets if f"`{sheet}`" not in pages] == []
+
+
 def test_the_python_page_has_every_public_name(site: Path) -> None:
     named = set(re.findall(r"^::: (\w+\.\w+)$", text("reference/python.md"), re.MULTILINE))
     packages = (groundlink, udp_bridge)
