@@ -2,8 +2,10 @@
 """The documentation site builds without a warning; its pages quote what the code says."""
 
 import re
+import shlex
 import subprocess
 import sys
+from itertools import takewhile
 from pathlib import Path
 
 import pytest
@@ -11,7 +13,9 @@ import yaml
 
 import groundlink
 import udp_bridge
+from groundlink.cli.commands import parser
 from groundlink.core import VERSION
+from groundlink.loader import load
 from groundlink.ros.cdr import CODECS
 from groundlink.scenario.sensor_kinds import sensor_kinds
 from tests.bridge.programs import need
@@ -149,6 +153,41 @@ def test_the_python_page_has_every_public_name(site: Path) -> None:
         assert f'id="{name}"' in built
 
 
+PAGES = [
+    *DOCS.rglob("*.md"),
+    ROOT / "README.md",
+    ROOT / "deploy/README.md",
+    ROOT / "ros/ros2/README.md",
+]
+COMMAND = re.compile(r"^(?: {4}|\$ )?(?:[A-Z_]+=\S+ )*(?:\.venv/bin/)?groundlink (.*)$")
+"""A command of a code block, after variables of its environment."""
+
+SHELL = {"&", "&&", "|", ">", ";"}
+
+
+def commands_of(markdown: str) -> list[list[str]]:
+    """Return the words after `groundlink` of each command in code blocks; `[...]` are optional."""
+    markdown = re.sub(r"^```text\n.*?^```", "", markdown, flags=re.DOTALL | re.MULTILINE)
+    joined = re.sub(r" *\\\n +", " ", markdown)
+    found = [match[1] for line in joined.splitlines() if (match := COMMAND.match(line))]
+    return [shlex.split(re.sub(r"\[[^]]*\]", "", text), comments=True) for text in found]
+
+
+def test_commands_of_the_pages_are_parsed(capsys: pytest.CaptureFixture[str]) -> None:
+    wrong, number = [], 0
+    for file in PAGES:
+        for words in commands_of(file.read_text(encoding="utf-8")):
+            number += 1
+            try:
+                parser().parse_args(list(takewhile(lambda word: word not in SHELL, words)))
+            except SystemExit as end:
+                if end.code:
+                    error = capsys.readouterr().err.splitlines()[-1]
+                    wrong.append(f"{file.relative_to(ROOT)}: {shlex.join(words)}: {error}")
+    assert wrong == []
+    assert number > 60
+
+
 def test_error_lines_of_troubleshooting_are_those_of_the_sources() -> None:
     """A quotation of several words stands in a source, maybe over two lines."""
     folders = ("groundlink", "services", "udp-bridge/src")
@@ -218,3 +257,35 @@ def test_tests_and_benchmarks_that_pages_name_exist() -> None:
 
 def _exists(path: Path) -> bool:
     return path.exists() or path.with_suffix(".py").exists()
+
+
+def blocks(name: str, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", text(name), re.DOTALL)
+
+
+def test_programs_of_the_guides_are_python() -> None:
+    programs = [
+        (file, code)
+        for file in (DOCS / "how-to").glob("*.md")
+        for code in blocks(f"how-to/{file.name}", "python")
+    ]
+    assert len(programs) > 4
+    for file, code in programs:
+        compile(code, str(file), "exec")
+
+
+def test_scenarios_of_the_guides_are_valid(tmp_path: Path) -> None:
+    sheet, noise = blocks("how-to/device-noise.md", "yaml")
+    (tmp_path / "sensors").mkdir()
+    (tmp_path / "sensors" / "my_imu.yaml").write_text(sheet)
+    (loop,) = blocks("how-to/lockstep.md", "yaml")
+    (fleet,) = blocks("how-to/many-vehicles.md", "yaml")
+    for name, content in (
+        ("noise", noise),
+        ("loop", loop),
+        ("fleet", "name: fleet\nworld: yard\n" + fleet),
+    ):
+        file = tmp_path / f"{name}.yaml"
+        file.write_text(content)
+        assert load(file).vehicles
+    assert load(tmp_path / "noise.yaml").vehicles[0].sensors[0].rate_hz == 200

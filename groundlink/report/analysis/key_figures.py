@@ -43,6 +43,11 @@ def key_figures(run: RunSummary) -> dict[str, float]:
                 error_m = reading.beside(truth)[:, 3]
                 figures[f"{reading.topic} error RMS m"] = float(np.sqrt(np.mean(error_m**2)))
                 figures[f"{reading.topic} error max m"] = float(error_m.max())
+    for mission in run.missions:
+        whose = f"{mission.vehicle} " if len(run.missions) > 1 else ""
+        if mission.route_share is not None:
+            figures[f"{whose}route %"] = 100 * mission.route_share
+        figures[f"{whose}stuck s"] = mission.stuck_seconds
     for stream in run.completeness:
         missing = stream.missing()
         del missing[IN_TRANSIT]
