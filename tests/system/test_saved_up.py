@@ -69,7 +69,9 @@ class Witness:
             what = f"{name} comes to {end_nanos / 1e9:g} s"
             wait_for(partial(stream.has_come_to, end_nanos), 90, what)
         return {
-            name: {n: body for n, body in [*stream.bodies.items()] if begin_nanos <= n < end_nanos}
+            name: {
+                n: body for n, body in stream.bodies.copy().items() if begin_nanos <= n < end_nanos
+            }
             for name, stream in self._streams.items()
         }
 

@@ -123,7 +123,7 @@ def test_ros_that_is_cut_off_comes_back_and_only_it_went(spread: Spread) -> None
     spread.wait_for_topics(put_in)
     spread.assert_nothing_old_is_new()
     log = spread.rig.log("router.log").removeprefix(log_before)
-    assert not [line for line in log.splitlines() if " went" in line and "gateway" not in line]
+    assert not [line for line in log.splitlines() if " left" in line and "gateway" not in line]
 
 
 def test_router_restart_is_survived(spread: Spread) -> None:
