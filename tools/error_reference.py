@@ -41,8 +41,14 @@ AREAS = (
 )
 """Heading by folder; the first folder that a file is in counts."""
 
-CHECKED = ("groundlink/scenario", "groundlink/world", "groundlink/emulation", "spec.py")
-"""Where a ValueError becomes an error in a scenario's field."""
+CHECKED = (
+    *("groundlink/scenario", "groundlink/world", "groundlink/emulation", "spec.py"),
+    "udp-bridge",
+)
+"""Where a ValueError becomes an error in a scenario's field, or in an option of the bridge."""
+
+OF_BRIDGE = {"BadKey": 2}
+"""Exit codes of errors of the bridge, which does not know `UserError`."""
 
 _HEAD = """\
 # Error messages
@@ -87,7 +93,8 @@ def page() -> str:
 
 def _exit_codes(trees: Iterable[ast.Module]) -> dict[str, int]:
     """Return the exit code of each class of errors for users."""
-    known = {error.__name__: error.exit_code for error in (UserError, RequirementError, RunFailed)}
+    family = UserError, RequirementError, RunFailed
+    known = OF_BRIDGE | {error.__name__: error.exit_code for error in family}
     bases = {
         node.name: [ast.unparse(base) for base in node.bases]
         for tree in trees
