@@ -48,6 +48,7 @@ COMMANDS: dict[str, str | None] = {
     "world import heights.png --heights-m 0 1 --cell-m 1": "physics",
     "world import cube.stl": "physics",
     "-m services.physics --help": "physics",
+    "-m services.physics.trials --help": "physics",
     "-m services.sensors --help": None,
     "-m services.sensors.lidar --help": None,
     "-m services.sensors.camera --help": None,

@@ -19,6 +19,7 @@ from .files import (
     sensors,
     snapshot,
     topics,
+    try_vehicle,
     verify,
     view,
     world,
@@ -30,7 +31,7 @@ GROUPS = {
     "look at a run": (top, view),
     "control a run": (drive, control, save, spawn, fault, link),
     "use a recording": (report, verify, export, convert),
-    "write a scenario": (new, check, explain, sensors, topics, schema, world),
+    "write a scenario": (new, check, try_vehicle, explain, sensors, topics, schema, world),
     "set up": (compose, secure, completion),
 }
 """Modules of the commands, in the order and under the titles of `groundlink --help`."""

@@ -14,8 +14,7 @@ from groundlink.scenario.schema import Placement
 from groundlink.scene.build import solids
 from groundlink.world.solids import Solid
 from services.physics.simulation.simulation import Simulation
-
-from .grounds import drive
+from services.physics.trials.track import drive
 
 LAB = Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"
 ROVER = "rover"

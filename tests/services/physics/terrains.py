@@ -14,8 +14,9 @@ from groundlink.world import assets
 from groundlink.world.solids import Material, Solid
 from groundlink.world.terrain import Terrain, encode_grid
 from services.physics.simulation.simulation import Simulation
+from services.physics.trials.track import NAME
 
-from .grounds import NAME, plain_scenario
+from .grounds import plain_scenario
 
 
 def terrain(

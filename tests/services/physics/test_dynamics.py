@@ -15,9 +15,10 @@ from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Box, Solid
 from services.physics.dynamics.backend import GRAVITY_MPS2
 from services.physics.simulation.simulation import Simulation
+from services.physics.trials.track import FLOOR, NAME, drive, put
 from services.physics.vehicle.vehicle import AIR_DENSITY_KGPM3
 
-from .grounds import FLOOR, NAME, drive, put, shipped
+from .grounds import shipped
 
 HIGH = Placement(z_m=200.0)
 ICE = replace(FLOOR, material="ice")

@@ -16,10 +16,11 @@ from groundlink.ros.streams import incoming
 from groundlink.scenario import Scenario
 from services.physics.run.episode import Episode
 from services.physics.run.publishers import silent_publishers
+from services.physics.trials.track import drive, put
 from services.sensors.runtime.world_replica import WorldReplica
 
 from .free_bodies import FreeBodies
-from .grounds import drive, put, shipped
+from .grounds import shipped
 
 NOTHING = memoryview(b"")
 

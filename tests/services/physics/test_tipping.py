@@ -9,8 +9,9 @@ from msgspec.structs import replace
 from groundlink.scenario.vehicle import VehicleModel
 from services.physics.dynamics.backend import GRAVITY_MPS2
 from services.physics.simulation.simulation import Simulation
+from services.physics.trials.track import NAME, put
 
-from .grounds import NAME, VEHICLES, put, shipped
+from .grounds import VEHICLES, shipped
 from .tipping import rigid_deg, tipping_deg
 
 TIPPED_DEG = 25.0

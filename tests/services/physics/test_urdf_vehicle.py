@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from services.physics.trials.track import drive, put
 from tests.groundlink.loader.urdf.carts import CART, vehicle
 from tests.groundlink.loader.urdf.test_model import BOX, MESH, stl
-
-from .grounds import drive, put
 
 
 @pytest.mark.parametrize("body", [BOX, MESH.format("part.stl", "0.5 0.1 0.03")])

@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every shipped vehicle can: drive, turn, climb, stand, and stay in the world."""
 
-from math import asin, degrees, radians, tan
+from math import asin, atan, degrees, radians, tan
 
 import numpy as np
 import pytest
 
-from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import Command, State, encode, floats
+from groundlink.report.analysis.trials import Trial
 from groundlink.scenario.running_gear import SideSteered
 from groundlink.scenario.schema import Placement
 from groundlink.world.solids import Material
+from services.physics.trials.maneuvers import climb, lean, stand, stop, straight, turn
+from services.physics.trials.track import NAME, drive, put
 
 from . import terrains
-from .grounds import NAME, STEEP_DEG, VEHICLES, drive, put, rubble, shipped, slope, travels, wall
+from .grounds import STEEP_DEG, VEHICLES, rubble, shipped, wall
+from .tipping import tipping_deg
 
 pytestmark = pytest.mark.parametrize("name", VEHICLES)
 
@@ -23,64 +26,60 @@ ROUGH_SECONDS = 30.0
 """Of random commands on rubble; 600 s a vehicle hold too, and take twenty times as long."""
 
 
-def cruising_mps(name: str) -> float:
-    return min(shipped(name).top_speed_mps / 2, 2.5)
-
-
 def acceleration_s(name: str, speed: float) -> float:
     return speed / shipped(name).drive.max_acceleration_mps2
 
 
+def passes(trial: Trial) -> dict[str, float]:
+    """Check the figures of a trial; return them by name."""
+    assert [figure for figure in trial.figures if not figure.good] == []
+    return {figure.name: figure.value for figure in trial.figures}
+
+
 def test_stands_still_without_a_sound(name: str) -> None:
-    with put(shipped(name)) as simulation:
-        before = simulation.vehicle_states()[NAME].poses()[0].copy()
-        stood = drive(simulation, 2.0)
-    noise = np.abs(np.diff(stood.velocity[:, :3], axis=0)).max() / TICK_SECONDS
-    assert noise < 0.05
-    np.testing.assert_allclose(stood.pose[-1], before, atol=1e-3)
+    assert passes(stand(shipped(name)))["shaking"] < 0.05
 
 
 def test_drives_straight_as_its_odometry_measures(name: str) -> None:
-    model, speed = shipped(name), cruising_mps(name)
-    with put(model, at=Placement(x_m=-10.0)) as simulation:
-        drive(simulation, 0.5)
-        driven = drive(simulation, 10.0 / speed + acceleration_s(name, speed), (speed, 0.0))
-    way = float(np.hypot(*(driven.pose[-1] - driven.pose[0])[:2]))
-    left, right = travels(model, driven)
-    assert way > 10.0
-    assert (left + right) / 2 == pytest.approx(way, rel=0.01)
-    assert abs(driven.pose[-1, 1]) < 0.01 * way
-    assert driven.speed == pytest.approx(speed, rel=0.01)
+    figures = passes(straight(shipped(name)))
+    assert figures["driven"] > 10.0
+    assert figures["rolled by the wheels"] == pytest.approx(figures["driven"], rel=0.01)
+    assert figures["aside"] < 0.01 * figures["driven"]
 
 
 def test_turns_as_it_is_asked_with_the_effective_track_of_its_drive(name: str) -> None:
+    drive_spec = shipped(name).drive
+    figures = passes(turn(shipped(name)))
+    multiplier = drive_spec.track_multiplier if isinstance(drive_spec, SideSteered) else 1.0
+    assert figures["effective over geometric track"] == pytest.approx(multiplier, rel=0.01)
+    assert figures.get("wandered", 0.0) < 0.1
+
+
+def test_stops_from_its_full_speed(name: str) -> None:
     model = shipped(name)
-    on_the_spot = model.least_radius_m == 0.0
-    speed = 0.0 if on_the_spot else 2.0
-    rate = 0.6 if on_the_spot else speed / (1.2 * model.least_radius_m)
-    with put(model) as simulation:
-        drive(simulation, 3.0, (speed, rate))
-        turned = drive(simulation, 3.0, (speed, rate))
-    yaw = turned.velocity[:, 5].mean() * 3.0
-    assert yaw == pytest.approx(3.0 * rate, rel=0.01)
-    sides = [model.wheels[shaft.wheels[0]].center_m[1] for shaft in model.counted]
-    left, right = travels(model, turned)
-    multiplier = model.drive.track_multiplier if isinstance(model.drive, SideSteered) else 1.0
-    assert (right - left) / yaw / (max(sides) - min(sides)) == pytest.approx(multiplier, rel=0.01)
-    if on_the_spot:
-        wandered = np.linalg.norm(turned.pose[:, :2] - turned.pose[0, :2], axis=1)
-        assert wandered.max() < 0.1
+    figures = passes(stop(model))
+    assert figures["speed reached"] == pytest.approx(model.top_speed_mps, rel=0.05)
+    shortest = model.top_speed_mps**2 / (2 * model.drive.max_acceleration_mps2)
+    assert figures["stopping distance"] > 0.9 * shortest
 
 
 def test_climbs_a_slope_and_holds_on_it(name: str) -> None:
-    speed = min(cruising_mps(name), 1.0)
-    with put(shipped(name), *slope(4.0), at=Placement(x_m=-1.0)) as simulation:
-        climbed = drive(simulation, 20.0 / speed, (speed, 0.0))
-        drive(simulation, 4.0)
-        held = drive(simulation, 10.0)
-    assert climbed.pose[-1, 2] > 2.5
-    assert np.linalg.norm(held.pose[-1, :3] - held.pose[0, :3]) < 0.005
-    assert degrees(2 * asin(-held.pose[-1, 4])) == pytest.approx(STEEP_DEG, abs=5.0)
+    figures = passes(climb(shipped(name), STEEP_DEG))
+    assert figures["height reached"] > 2.5
+    assert figures["slid"] < 5.0
+    assert figures["pitch"] == pytest.approx(STEEP_DEG, abs=5.0)
+
+
+def test_leans_until_it_slides_or_tips(name: str) -> None:
+    """Tires slide where the slope is their friction; see `test_tipping` for those that tip."""
+    model = shipped(name)
+    (limit,) = lean(model).figures
+    if limit.name == "tips at":
+        assert limit.value == pytest.approx(tipping_deg(model), abs=2.5)
+    else:
+        assert limit.name == "slides at"
+        friction = min(wheel.friction * wheel.axle_friction_ratio for wheel in model.wheels)
+        assert limit.value == pytest.approx(degrees(atan(friction)), abs=2.5)
 
 
 def test_stands_across_a_slope_of_grass(name: str) -> None:

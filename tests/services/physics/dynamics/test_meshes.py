@@ -18,7 +18,8 @@ from groundlink.world.triangles import merged
 from services.physics.dynamics import bullet
 from services.physics.dynamics.bullet import BulletBackend
 from services.physics.dynamics.statics import add_statics
-from tests.services.physics.grounds import FLOOR, VEHICLES, drive, shipped
+from services.physics.trials.track import FLOOR, drive
+from tests.services.physics.grounds import VEHICLES, shipped
 from tests.services.physics.terrains import hills, put
 
 GROUND = {"ground": Material(friction=0.7)}

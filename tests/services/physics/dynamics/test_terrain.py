@@ -21,10 +21,11 @@ from services.physics.dynamics.backend import BASE, FREE, Backend, Surface
 from services.physics.dynamics.bullet import BulletBackend
 from services.physics.dynamics.terrain import TerrainWindow, TerrainWindows, reach_of
 from services.physics.simulation.simulation import Simulation
+from services.physics.trials.track import NAME, drive
 from services.sensors.rays.scene import Scene
 from services.sensors.rays.terrain import Relief
 from tests.services.physics.free_bodies import FreeBodies
-from tests.services.physics.grounds import NAME, VEHICLES, drive, shipped
+from tests.services.physics.grounds import VEHICLES, shipped
 from tests.services.physics.terrains import hills, put, terrain, world
 
 UPHILL = 0.25

@@ -14,9 +14,10 @@ from groundlink.scene.spawn_pose import spawn_pose
 from groundlink.world.solids import Material
 from groundlink.world.terrain import Terrain, load_ground
 from services.physics.simulation.simulation import Simulation, settled
+from services.physics.trials.track import FLOOR, NAME
 from services.sensors.imu.model import ImuModel
 from services.sensors.imu.spec import InertialUnit
-from tests.services.physics.grounds import FLOOR, NAME, VEHICLES, shipped
+from tests.services.physics.grounds import VEHICLES, shipped
 from tests.services.physics.terrains import put, terrain, world
 
 GRAVITY_MPS2 = 9.80665

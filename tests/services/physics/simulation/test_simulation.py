@@ -16,8 +16,8 @@ from groundlink.scene.build import solids
 from groundlink.world.objects.indoor_objects import build_furniture
 from groundlink.world.objects.indoor_specs import Table
 from services.physics.simulation.simulation import Simulation
+from services.physics.trials.track import Drive
 from tests.services.physics.conftest import ROVER, Start, run
-from tests.services.physics.grounds import Drive
 
 CENTER = Placement(x_m=0.0)
 RADIUS_M = 0.1651

@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 from groundlink.messages.base import VehicleState, encode, floats
 from groundlink.messages.navigation import JointState
 from groundlink.scenario.joints import Joint, base_from_links, check
+from services.physics.trials.track import NAME, drive, put
 from services.physics.vehicle.servos import Servos
-from tests.services.physics.grounds import NAME, drive, put, shipped
+from tests.services.physics.grounds import shipped
 
 TICK_NANOS = 2_500_000
 TURRET = Joint(name="turret", at_m=(1.0, 0.0, 2.0), max_speed=0.5)

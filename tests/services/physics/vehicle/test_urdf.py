@@ -14,8 +14,9 @@ from groundlink.scenario.schema import Placement
 from groundlink.world import assets
 from groundlink.world.mesh_asset import encode_mesh
 from groundlink.world.solids import Box, Mesh, Solid
+from services.physics.trials.track import drive, put
 from services.physics.vehicle.urdf import HULL_DIRECTIONS, convex_hull, urdf
-from tests.services.physics.grounds import drive, put, shipped, wall
+from tests.services.physics.grounds import shipped, wall
 
 
 @pytest.fixture

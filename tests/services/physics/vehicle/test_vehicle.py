@@ -7,8 +7,9 @@ import pytest
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import floats
 from services.physics.dynamics.backend import BASE, GRAVITY_MPS2
+from services.physics.trials.track import FLOOR, NAME, put
 from tests.services.physics.free_bodies import FreeBodies
-from tests.services.physics.grounds import FLOOR, NAME, put, shipped
+from tests.services.physics.grounds import shipped
 
 UP = (0.0, 0.0, 1.0)
 

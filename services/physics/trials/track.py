@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Test track: a level floor with one vehicle on it, and what else is put there."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import cos, radians, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from groundlink.core.clock import TICK_RATE_HZ
+from groundlink.core.frames import quaternion_from_rpy
+from groundlink.messages.base import Command, floats
+from groundlink.scenario.schema import Placement, Scenario, Vehicle, World
+from groundlink.scenario.vehicle import VehicleModel
+from groundlink.world.solids import Box, Material, Solid
+from services.physics.dynamics.backend import Backend
+from services.physics.dynamics.bullet import BulletBackend
+from services.physics.simulation.simulation import Simulation
+
+NAME = "it"
+"""Name of the vehicle on the track."""
+
+MATERIALS = {"ground": Material(friction=1.0), "ice": Material(friction=0.1)}
+FLOOR_M = 400.0
+FLOOR = Solid("floor", Box(size_m=(FLOOR_M, FLOOR_M, 1.0)), "ground", (0.0, 0.0, -0.5))
+
+
+def put(
+    model: VehicleModel,
+    *extra: Solid,
+    at: Placement = Placement(),  # noqa: B008 - frozen
+    floor: Sequence[Solid] = (FLOOR,),
+    new_backend: Callable[[], Backend] = BulletBackend,
+) -> Simulation:
+    """Return a simulation of one vehicle on the floor and what else is there."""
+    scenario = Scenario(
+        name="track",
+        world=World(name="track", materials=MATERIALS),
+        vehicles=(Vehicle(name=NAME, model=model, placement=at),),
+    )
+    return Simulation(scenario, (*floor, *extra), new_backend=new_backend)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A row a tick: base pose and velocity in the world, angles of all wheels, their poses."""
+
+    pose: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    angles: NDArray[np.float64]
+    wheels: NDArray[np.float64]
+
+    @property
+    def last(self) -> NDArray[np.float64]:
+        """The base's pose at the end."""
+        pose: NDArray[np.float64] = self.pose[-1]
+        return pose
+
+    @property
+    def speed(self) -> float:
+        """Over ground at the end, m/s."""
+        return float(np.hypot(*self.velocity[-1, :2]))
+
+
+def drive(
+    simulation: Simulation,
+    seconds: float,
+    twist: tuple[float, float] | None = None,
+    name: str = NAME,
+) -> Drive:
+    """Step, with a command of (m/s, rad/s) a tick if one is given."""
+    rows = []
+    for _ in range(round(seconds * TICK_RATE_HZ)):
+        if twist is not None:
+            command = Command(simulation.sim_nanos, (twist[0], 0.0, 0.0), (0.0, 0.0, twist[1]))
+            simulation.command(name, command)
+        simulation.step()
+        state = simulation.vehicle_states()[name]
+        base, wheels = np.split(state.poses(), [1])
+        velocity, angles = floats(state.base_velocity), floats(state.joint_positions)
+        rows.append((base[0], velocity, angles, wheels))
+    return Drive(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def travels(model: VehicleModel, driven: Drive) -> tuple[float, float]:
+    """Return how far the left and the right side have rolled, m, by what encoders count."""
+    sides: dict[bool, list[float]] = {True: [], False: []}
+    for shaft in model.counted:
+        wheel = model.wheels[shaft.wheels[0]]
+        angle = driven.angles[-1, shaft.wheels[0]] - driven.angles[0, shaft.wheels[0]]
+        sides[wheel.center_m[1] > 0].append(angle * wheel.radius_m)
+    return float(np.mean(sides[True])), float(np.mean(sides[False]))
+
+
+def slope(
+    x_m: float, *, degrees: float, length_m: float = 40.0, material: str = "ground"
+) -> list[Solid]:
+    """Return a slope up along x, from `x_m` on, that a long vehicle can drive on to: by steps."""
+    slabs = []
+    z_m = 0.0
+    for i, (share, piece_m) in enumerate(
+        ((0.2, 1.5), (0.4, 1.5), (0.6, 1.5), (0.8, 1.5), (1.0, length_m))
+    ):
+        pitch = radians(share * degrees)
+        c, s = cos(pitch), sin(pitch)
+        middle = (x_m + piece_m / 2 * c + s / 2, 0.0, z_m + piece_m / 2 * s - c / 2)
+        shape = Box(size_m=(piece_m, 12.0, 1.0))
+        slabs.append(
+            Solid(f"slope_{i}", shape, material, middle, quaternion_from_rpy(0.0, -pitch, 0.0))
+        )
+        x_m, z_m = x_m + piece_m * c, z_m + piece_m * s
+    return slabs
