@@ -8,6 +8,7 @@ repository. The experiments are not part of the package.
 import argparse
 import csv
 import itertools
+import json
 import os
 import subprocess
 import sys
@@ -15,11 +16,13 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
 from groundlink.cli import Subparsers
 from groundlink.cli.terminal import output as terminal
+from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
@@ -40,6 +43,9 @@ INTERRUPTED = 130
 
 Case = tuple[field_changes.FieldChange, ...]
 """The changed fields of a run."""
+
+Row = dict[str, Any]
+"""Values of the changed fields, what `--check` printed, and figures, by column."""
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -72,6 +78,7 @@ def add_parser(subparsers: Subparsers) -> None:
         help="shell command to run on each recording, whose name is its last argument; its last "
         "line becomes a column, and an exit code other than 0 a failure",
     )
+    add_json_option(parser)
     parser.add_argument("--seeds", metavar="N", help="with --vary: runs of each (default 1)")
     parser.add_argument("--short", action="store_true", help="with --vary: 20 s of driving")
     parser.add_argument(
@@ -98,8 +105,9 @@ def _sweep_scenario(options: argparse.Namespace) -> int:
     cases: list[Case] = list(itertools.product(*map(field_changes.alternatives, options.set)))
     for case in cases:  # mistakes are found before the first run
         load(options.scenario, changes=case)
-    console = terminal.console()
-    rows, failed = [], []
+    console = terminal.console(stderr=options.json)
+    rows: list[Row] = []
+    failed = []
     with _folder(options.out) as folder:
         for number, case in enumerate(cases, 1):
             words = ", ".join(change.text for change in case)
@@ -108,18 +116,20 @@ def _sweep_scenario(options: argparse.Namespace) -> int:
             code = _record(options, case, recording)
             if code not in (0, 1) or not recording.exists():
                 return code or 1
-            row = {change.field: change.text.partition("=")[2] for change in case}
+            row: Row = {change.field: change.value for change in case}
             if options.check:
                 row[CHECK], check_code = _checked(options.check, recording)
                 code = code or check_code
-            row |= {name: f"{value:.5g}" for name, value in key_figures_of(recording).items()}
-            rows.append(row)
+            rows.append(row | key_figures_of(recording))
             failed += [words] if code else []
             if not options.out:
                 recording.unlink()
         if options.out:
             _write_csv(folder / "table.csv", rows)
-    _show(console, options.scenario, rows, varied=len(options.set))
+    if options.json:
+        print_json({"runs": rows, "failed": failed})
+    else:
+        _show(console, options.scenario, rows, varied=len(options.set))
     for words in failed:
         terminal.say(console, f"failed: {words}")
     return 1 if failed else 0
@@ -158,26 +168,37 @@ def _checked(command: str, recording: Path) -> tuple[str, int]:
     return last, done.returncode
 
 
-def _columns(rows: Sequence[Mapping[str, str]]) -> list[str]:
+def _columns(rows: Sequence[Row]) -> list[str]:
     return list(dict.fromkeys(name for row in rows for name in row))
 
 
-def _write_csv(file: Path, rows: Sequence[Mapping[str, str]]) -> None:
+def _cells(row: Row) -> dict[str, str]:
+    """Return a row as text."""
+    return {name: _text(value) for name, value in row.items()}
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    return f"{value:.5g}" if isinstance(value, float) else json.dumps(value)
+
+
+def _write_csv(file: Path, rows: Sequence[Row]) -> None:
     with write_atomically(file) as part, part.open("w", newline="", encoding="utf-8") as opened:
         writer = csv.DictWriter(opened, _columns(rows))
         writer.writeheader()
-        writer.writerows(rows)
+        writer.writerows(map(_cells, rows))
 
 
-def _show(console: Console, title: str, rows: Sequence[Mapping[str, str]], varied: int) -> None:
+def _show(console: Console, title: str, rows: Sequence[Row], varied: int) -> None:
     """Print the table: the changed fields, the check, and the figures that differ."""
     names = _columns(rows)
-    same = [name for name in names[varied:] if len({row.get(name) for row in rows}) == 1]
+    same = [n for n in names[varied:] if all(row.get(n) == rows[0].get(n) for row in rows)]
     shown = [name for name in names if name not in same or name == CHECK]
     columns = [Column(name, "words" if name == CHECK else "number") for name in shown]
     table = FittingTable(title, columns)
-    for row in rows:
-        table.add_row(*(row.get(name, "-") for name in shown))
+    for cells in map(_cells, rows):
+        table.add_row(*(cells.get(name, "-") for name in shown))
     console.print(table)
 
 

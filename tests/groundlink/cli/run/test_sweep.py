@@ -3,6 +3,7 @@
 
 import argparse
 import csv
+import json
 import shutil
 from pathlib import Path
 
@@ -54,6 +55,14 @@ def test_each_combination_is_recorded_once(
     table = capsys.readouterr().out
     assert "lidar.dropout" in table
     assert "driven m" not in table, "it does not differ"
+
+
+def test_rows_are_printed_as_json(recorded: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert groundlink(["sweep", "indoor_lab", "--set", "seed=2,3", "--json"]) == 1
+    printed = json.loads(capsys.readouterr().out)
+    assert [row["seed"] for row in printed["runs"]] == [2, 3]
+    assert printed["runs"][0]["driven m"] > 0
+    assert printed["failed"] == ["seed=3"]
 
 
 def test_run_or_check_that_fails_is_named(
