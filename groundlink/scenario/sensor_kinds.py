@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import Distribution, EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple, Union
@@ -191,4 +191,10 @@ def _shipped_first(entry: EntryPoint) -> tuple[bool, str]:
 
 
 def _distribution(entry: EntryPoint) -> str:
-    return entry.dist.name if entry.dist is not None else "?"
+    return _name(entry.dist) if entry.dist is not None else "?"
+
+
+@cache
+def _name(distribution: Distribution) -> str:
+    """Return the name of a distribution, for which all its metadata are parsed."""
+    return distribution.name
