@@ -13,6 +13,7 @@ from pathlib import Path
 from groundlink.bus.credentials import ABOUT, AUTHORITY, CERTIFICATE, KEY, about_text
 from groundlink.cli import Subparsers
 from groundlink.cli.run.running import SCENARIO_HELP, load_scenario
+from groundlink.cli.terminal.progress import tracked
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
@@ -59,7 +60,8 @@ def secure(options: argparse.Namespace) -> int:
     folder.parent.mkdir(parents=True, exist_ok=True)
     with write_atomically(folder) as part:
         part.mkdir(mode=0o700)
-        for process in (ROUTER_NAME, *(name for name, _ in grants(scenario))):
+        processes = [ROUTER_NAME, *(name for name, _ in grants(scenario))]
+        for process in tracked(processes, f"writing {folder}", len(processes)):
             own = part / process.replace("/", "-")
             own.mkdir(mode=0o700)
             is_router = process == ROUTER_NAME

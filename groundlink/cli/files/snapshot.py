@@ -6,15 +6,19 @@ Starts a run with this sensor and the drivers, as fast as possible, until the im
 
 import argparse
 import os
-import time
 from pathlib import Path
 
+from groundlink.bus.core_topics import HEALTH, PHYSICS
+from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import driver_names, process_names
 from groundlink.cli import Subparsers
 from groundlink.cli.run import running, supervised
 from groundlink.cli.terminal import output as terminal
+from groundlink.cli.terminal.progress import progress
+from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError, did_you_mean
+from groundlink.messages.base import Health
 from groundlink.monitor import process_commands
 from groundlink.monitor.supervisor import Supervisor
 from groundlink.scenario.cameras import Optics
@@ -76,12 +80,15 @@ def snapshot(options: argparse.Namespace) -> int:
     stop = terminal.stop_on_signals()
     supervisor = Supervisor(commands, lambda _, line: print(line), finite={options.camera})
     camera, failed = supervisor.children[options.camera], None
-    with Bus(listen=endpoint):
+    with Bus(listen=endpoint) as bus, progress(f"running to {options.at:g} s") as done:
+        clock: BusInbox[Health] = BusInbox(depth=16)
+        bus.subscribe(HEALTH.key_in(run, process=PHYSICS), Health, clock)
         supervisor.start()
         try:
             while not (stop.is_set() or camera.is_done or failed):
                 failed = supervisor.poll()
-                time.sleep(POLL_SECONDS)
+                if arrived := clock.get(seconds=POLL_SECONDS):
+                    done(arrived[1].tick * TICK_SECONDS / max(options.at, TICK_SECONDS))
         finally:
             supervisor.stop()
     if failed:

@@ -16,6 +16,7 @@ import msgspec
 
 from groundlink.cli import Subparsers
 from groundlink.cli.run.running import check_new_file
+from groundlink.cli.terminal.progress import progress
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.importing import heightmaps, mesh_files, world_files
@@ -81,7 +82,13 @@ def show(options: argparse.Namespace) -> int:
     words += ["--out", str(options.out)] if options.out else []
     words += ["--from={:g},{:g}".format(*options.point)] if options.point else []
     module = "services.sensors.rendering.portrait"
-    return subprocess.run([sys.executable, "-m", module, *words], check=False).returncode
+    with progress(f"drawing {options.what}"):
+        done = subprocess.run(
+            [sys.executable, "-m", module, *words], capture_output=True, text=True, check=False
+        )
+    print(done.stderr, end="", file=sys.stderr)
+    print(done.stdout, end="")
+    return done.returncode
 
 
 def is_picture(file: Path) -> bool:
@@ -153,22 +160,28 @@ def import_(options: argparse.Namespace) -> int:
         raise UserError(f"{file}: unknown format; expected one of {', '.join(_FORMATS)}")
     named = os.path.relpath(file, folder)
     print(f"{file}:", flush=True)
-    if file.suffix.lower() in mesh_files.FORMATS:
-        mesh = _spec(options, MeshFile, ("scale", "up"))
-        text = world_files.of_mesh(mesh, named, _say, _warn)
-    else:
-        heightmap = _spec(
-            options, HeightmapFile, ("heights_m", "cell_m", "size_m"), material=world_files.MATERIAL
-        )
-        try:
-            text = world_files.of_heightmap(heightmap, named, _say, _warn)
-        except BadTerrain as error:
-            raise UserError(f"{file}: {_option(error.field)}: {error.problem}") from None
+    with progress(f"reading {file}"):
+        text = _world_text(options, named)
     if out is not None:
         with write_atomically(out) as part:
             part.write_text(text, encoding="utf-8")
         _say(f"wrote {out}; use it in a scenario of the same folder: `world: {out.name}`")
     return 0
+
+
+def _world_text(options: argparse.Namespace, named: str) -> str:
+    """Return the world file of a heightmap or mesh, which it calls `named`."""
+    file = options.file
+    if file.suffix.lower() in mesh_files.FORMATS:
+        mesh = _spec(options, MeshFile, ("scale", "up"))
+        return world_files.of_mesh(mesh, named, _say, _warn)
+    heightmap = _spec(
+        options, HeightmapFile, ("heights_m", "cell_m", "size_m"), material=world_files.MATERIAL
+    )
+    try:
+        return world_files.of_heightmap(heightmap, named, _say, _warn)
+    except BadTerrain as error:
+        raise UserError(f"{file}: {_option(error.field)}: {error.problem}") from None
 
 
 def _spec(options: argparse.Namespace, spec: type[S], fields: tuple[str, ...], **fixed: Any) -> S:
