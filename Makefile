@@ -12,7 +12,8 @@ READY := .venv/.ready
 SETUP_INPUTS := pyproject.toml udp-bridge/pyproject.toml setup.sh \
 	$(wildcard services/sensors/*/*.c udp-bridge/src/udp_bridge/io/native/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
 # Files with tests marked `system`; collecting all others takes longer than many of these tests.
-SYSTEM_TESTS := tests/system tests/ros1 tests/bridge/test_kernel_loss.py tests/experiments/test_short.py
+SYSTEM_TESTS := tests/system tests/ros1 tests/bridge/test_kernel_loss.py tests/docs/test_tutorials.py \
+	tests/experiments/test_short.py
 
 .PHONY: help setup run test test-units test-system test-alone test-stack environments mutants fuzz nightly benchmarks experiments docs clean
 
@@ -36,7 +37,7 @@ test-units: setup ## run unit tests, import contracts, style and type checks
 		--no-loadscope-reorder
 
 environments: setup ## install third-party programs that tests of the experiments need
-	@flock .venv/.environments $(BIN)/python -m experiments --install yag-slam --install evo
+	@flock .venv/.environments $(BIN)/python -m experiments --install yag-slam --install kiss-icp --install evo
 
 test-system: environments ## run tests of the running system, two at a time
 	@$(PYTEST) -m "system and not alone and not stack" --durations=20 \

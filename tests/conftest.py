@@ -33,6 +33,7 @@ LONGEST = (
     "tests/ros1/test_laps.py",
     "tests/system/test_ros_control.py",
     "tests/system/test_foreign_sensor.py",
+    "tests/docs/test_tutorials.py",
     "tests/system/test_save.py",
     "tests/system/test_recording.py",
     "tests/system/test_replay.py",

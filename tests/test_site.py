@@ -201,41 +201,6 @@ def test_error_lines_of_troubleshooting_are_those_of_the_sources() -> None:
     assert [part for part in parts if part not in joined] == []
 
 
-def test_the_sensor_of_the_tutorial_is_the_example() -> None:
-    example = ROOT / "examples" / "magnetometer_sensor"
-    files = [example / "pyproject.toml", *(example / "magnetometer_sensor").glob("*.py")]
-    sources = "\n".join(file.read_text(encoding="utf-8") for file in files)
-    blocks = re.findall(
-        r"```(?:python|toml)\n(.*?)```", text("tutorials/your-own-sensor.md"), re.DOTALL
-    )
-    assert len(blocks) >= 6
-    lines = [line.removesuffix(" ...") for block in blocks for line in block.splitlines()]
-    assert [line for line in lines if line.strip() != "..." and line not in sources] == []
-
-
-def test_the_python_of_the_tutorial_runs(tmp_path: Path) -> None:
-    """On a recording of another scenario, which has the topics of the tutorial."""
-    recording = ROOT / "tests" / "compatibility" / "every_kind.mcap"
-    (tmp_path / "run.mcap").symlink_to(recording)
-    blocks = re.findall(r"```python\n(.*?)```", text("tutorials/record-and-read.md"), re.DOTALL)
-    assert len(blocks) == 8
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", "".join(blocks)],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert re.search(r"^ +58 sensor_msgs/msg/Imu +/imu$", done.stdout, re.MULTILINE)
-    assert "58 samples from 0.0200 s to 0.5900 s" in done.stdout
-    assert len((tmp_path / "truth.tum").read_text().splitlines()) == 30
-    (corners,) = re.findall(r"^\[(.*)\] \[(.*)\]$", done.stdout.splitlines()[-1])
-    low, high = ([float(number) for number in corner.split()] for corner in corners)
-    assert low[2] == pytest.approx(0, abs=0.1)
-    assert all(high[axis] > low[axis] + 1 for axis in range(3))
-
-
 def test_tests_and_benchmarks_that_pages_name_exist() -> None:
     pages = {*DOCS.rglob("*.md"), *ROOT.glob("*.md")} - {ROOT / "CHANGELOG.md"}
     texts = {page: page.read_text(encoding="utf-8") for page in pages}

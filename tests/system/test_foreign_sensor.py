@@ -6,7 +6,6 @@ No module of Groundlink refers to that kind.
 
 import json
 import os
-import re
 import shutil
 import socket
 import subprocess
@@ -133,19 +132,6 @@ def test_the_examples_own_tests_pass(installed: Installed) -> None:
         env=installed.environment,
         check=True,
     )
-
-
-def test_the_scenario_of_the_tutorial_is_recorded(installed: Installed) -> None:
-    page = REPOSITORY / "docs" / "tutorials" / "your-own-sensor.md"
-    text = page.read_text(encoding="utf-8")
-    (scenario,) = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
-    folder = installed.folder / "tutorial"
-    folder.mkdir()
-    (folder / "compass.yaml").write_text(scenario)
-    out = folder / "compass.mcap"
-    installed.groundlink("record", folder / "compass.yaml", "--out", out, "--duration", 1)
-    with Recording(out) as recorded:
-        assert recorded.topics[TOPIC].messages == 75
 
 
 def test_it_is_checked_listed_and_in_the_schema(installed: Installed) -> None:
