@@ -18,11 +18,11 @@ def build_wheels(source: Path) -> Path:
         shutil.copy(REPOSITORY / file, source)
     out = source / "wheels"
     ours = (source, source / "udp-bridge")
-    pip(sys.executable, "wheel", "--no-deps", "--no-build-isolation", "-w", out, *ours)
+    pip("wheel", "--no-deps", "--no-build-isolation", "-w", out, *ours)
     return out
 
 
-def pip(python: str | Path, *words: str | Path) -> None:
-    command = [python, "-m", "pip", "--disable-pip-version-check", "-q", *words]
+def pip(*words: str | Path) -> None:
+    command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q", *words]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

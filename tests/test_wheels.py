@@ -93,7 +93,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for name in ("groundlink", "udp-bridge"):
         (wheel,) = out.glob(f"{name.replace('-', '_')}-*.whl")
         folders[name] = source / "installed" / name
-        pip(sys.executable, "install", "--no-deps", "--no-index", "--target", folders[name], wheel)
+        pip("install", "--no-deps", "--no-index", "--target", folders[name], wheel)
     return folders
 
 

@@ -6,6 +6,7 @@ names of other files and mounts, data sheets, terrain and mesh files. An editor 
 with them; `load` finds all. The docstrings of the fields become their descriptions.
 """
 
+import inspect
 import json
 import typing
 from collections.abc import Iterable, Iterator
@@ -116,11 +117,16 @@ def _descriptions(struct: StructType) -> dict[str, str]:
 
 
 def _describe(part: Any, texts: dict[str, dict[str, str]]) -> None:
-    """Add the descriptions to the properties of all structs in a part of a schema, by title."""
+    """Add the descriptions to the properties of all structs in a part of a schema, by title.
+
+    Those of the structs themselves lose the indentation that Python 3.12 and older keep.
+    """
     if isinstance(part, list):
         for member in part:
             _describe(member, texts)
     elif isinstance(part, dict):
+        if isinstance(own := part.get("description"), str):
+            part["description"] = inspect.cleandoc(own)
         for field, text in texts.get(part.get("title", ""), {}).items():
             part["properties"].get(field, {}).setdefault("description", text)
         for member in part.values():

@@ -26,8 +26,9 @@ def test_an_empty_folder_and_a_new_environment_are_enough(tmp_path: Path) -> Non
     source.mkdir()
     here.mkdir()
     wheels = build_wheels(source)
-    subprocess.run([sys.executable, "-m", "venv", environment], check=True)
-    pip(environment / "bin" / "python", "install", "--find-links", wheels, "groundlink[all]")
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", environment], check=True)
+    ours = ("--find-links", wheels, "groundlink[all]")
+    pip("--python", environment / "bin" / "python", "install", "--no-compile", *ours)
     variables = os.environ.keys() - {"PYTHONPATH", "DISPLAY", "WAYLAND_DISPLAY"}
     said = {}
     for command in COMMANDS:
