@@ -32,7 +32,7 @@ def dashboard(
 
 
 _STREAMS = (
-    Column("topic", "text"),
+    Column("topic", "path"),
     Column("type", "text", omit_order=1),
     Column("declared", omit_order=2),
     *map(Column, ("measured", "age p50", "p99", "sent", "arrived", "repaired")),

@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables that fit the terminal without truncating numbers.
 
-On a narrow terminal a table first omits optional columns, then wraps text, then splits into several
-tables with the same first column.
+On a narrow terminal a table first omits optional columns, then folds paths, then wraps text, then
+splits into several tables with the same first column.
 """
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.table import Table
+
+FOLDED_WIDTH = 16
+"""Minimum width of a column of paths."""
 
 
 class Column(NamedTuple):
@@ -19,7 +23,7 @@ class Column(NamedTuple):
     name: str
     kind: str = "number"
     """`number`: right-aligned, never truncated. `text`: truncated in the first column only.
-    `words`: wraps between words."""
+    `path`: folds at slashes, for a first column. `words`: wraps between words."""
 
     omit_order: int = 0
     """Order of omission: 1 first, then 2; 0 never."""
@@ -58,7 +62,7 @@ class FittingTable:
             if self._width(shown) <= width:
                 break
             shown = [at for at in shown if self._columns[at].omit_order != order]
-        if not self._rows:
+        if not self._rows or self._width(shown) - self._spare(shown[0]) <= width:
             yield shown
             return
         first, *rest = shown
@@ -73,6 +77,11 @@ class FittingTable:
     def _width(self, shown: Sequence[int]) -> int:
         """Return the minimum width of a table with these columns."""
         return sum(map(self._min_width, shown)) + self._frame(len(shown))
+
+    def _spare(self, at: int) -> int:
+        """Return by how much a column of paths can be narrower than its longest path."""
+        is_path = self._columns[at].kind == "path"
+        return max(self._min_width(at) - FOLDED_WIDTH, 0) if is_path else 0
 
     def _frame(self, count: int) -> int:
         return 1 + count * (1 + 2 * self._padding)
@@ -92,19 +101,36 @@ class FittingTable:
             expand=False,
             padding=(0, self._padding),
         )
+        first, *others = shown
+        widths = {at: self._min_width(at) for at in shown}
+        room = width - self._frame(len(shown)) - sum(widths[at] for at in others)
+        folds = widths[first] > room
+        is_path = self._columns[first].kind == "path"
+        if folds and is_path:
+            widths[first] = room
         for at in shown:
             column = self._columns[at]
             # Fold a first column that is too wide; keep the other columns complete.
-            is_first = at == shown[0]
-            room = width - self._frame(len(shown)) - sum(map(self._min_width, shown[1:]))
-            folds = is_first and self._min_width(at) > room
+            is_folded = at == first and folds
             table.add_column(
                 column.name,
                 justify="right" if column.kind == "number" else "left",
-                no_wrap=column.kind != "words" and not folds,
-                overflow="fold" if is_first else "ellipsis",
-                min_width=None if folds else self._min_width(at),
+                no_wrap=column.kind != "words" and not is_folded,
+                overflow="fold" if at == first else "ellipsis",
+                min_width=None if is_folded and not is_path else widths[at],
+                max_width=widths[at] if folds and is_path else None,
             )
         for cells, style in self._rows:
-            table.add_row(*(cells[at] for at in shown), style=style)
+            name = _folded(cells[first], room) if is_path else cells[first]
+            table.add_row(name, *(cells[at] for at in others), style=style)
         return table
+
+
+def _folded(path: str, width: int) -> str:
+    """Return a path in lines that end before slashes."""
+    lines = [""]
+    for step in re.findall("/?[^/]+", path):
+        if lines[-1] and cell_len(lines[-1] + step) > width:
+            lines.append("")
+        lines[-1] += step
+    return "\n".join(lines)

@@ -53,7 +53,7 @@ def test_what_was_recorded_keeps_its_numbers_and_leaves_out_what_never_happened(
     out.touch()
     console = Console(width=width, file=io.StringIO())
     with console.capture() as capture:
-        record._verdict(console, out, RunMonitor())
+        record._verdict(console, out, RunMonitor(), [])
     cells = [cell.strip() for text in capture.get().splitlines() for cell in text.split("│")]
     for cell in ("1234567", "400.00 Hz", "89", "/cmd_vel", "/gaps/rover/lidar"):
         assert cell in cells
