@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Moving picture of recorded drives: the world with LiDAR points, the camera, a view from above.
+"""Moving picture of recorded drives: the world with LiDAR points, and the camera's picture.
 
-The same recordings, versions of Pillow and of the OpenGL driver give the same bytes.
+`python -m tools.pictures moving` starts it with the name of the file. The same
+recordings, versions of Pillow and of the OpenGL driver give the same bytes.
 """
 
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -21,15 +22,16 @@ from groundlink.scenario.cameras import Optics
 from groundlink.scenario.rotating_lidar import RotatingLidar
 from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
-from services.sensors.rendering.portrait.picture import INDOORS, direction, view
+from services.sensors.rendering.portrait.picture import INDOORS
 from services.sensors.rendering.portrait.scene import scene
 from services.view.colors import RAINBOW
 
 from .recorded import Pixels, RecordedDrive, record
+from .viewpoints import Chase, Overview
 
-WIDTH, HEIGHT = 720, 405
+WIDTH, HEIGHT = 640, 360
 FPS = 10
-QUALITY = 42
+QUALITY = 38
 """WebP's, of 100."""
 
 DARK = 0.72
@@ -46,55 +48,6 @@ HIDDEN_M = 0.15
 
 CORNER = 12
 """Space around insets, pixels."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Overview:
-    """The whole world from one side; nothing moves but vehicles and points."""
-
-    azimuth_deg: float
-    elevation_deg: float
-
-    def towards_eye(self) -> Floats:
-        """Return the unit vector towards the eye."""
-        return direction(self.azimuth_deg, self.elevation_deg)
-
-    def eye(self, drive: RecordedDrive, corners: Floats, at_s: float) -> tuple[Pinhole, Floats]:
-        """Return the camera, and its world_from_optical, shape (4, 4)."""
-        return view(corners, self.towards_eye(), WIDTH, HEIGHT)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Chase:
-    """From behind and above the vehicle, turned to its side."""
-
-    behind_m: float
-    above_m: float
-    aside_deg: float
-    ahead_m: float
-    """Distance of the point in the middle of the picture from the vehicle."""
-
-    field_deg: ClassVar[float] = 52.0
-    smooth_s: ClassVar[float] = 1.5
-    """Half of the time over which the vehicle's way is smoothed."""
-
-    def towards_eye(self) -> Floats:
-        """Return a unit vector upwards: outdoors nothing is left out."""
-        return np.array([0.0, 0.0, 1.0])
-
-    def eye(self, drive: RecordedDrive, corners: Floats, at_s: float) -> tuple[Pinhole, Floats]:
-        """Return the camera, and its world_from_optical, shape (4, 4)."""
-        way = drive.base_at(at_s + np.linspace(-self.smooth_s, self.smooth_s, 31))
-        along = way[-1] - way[0]
-        heading = math.atan2(along[1], along[0])
-        target = way.mean(axis=0) + self.ahead_m * np.array(
-            [math.cos(heading), math.sin(heading), 0.0]
-        )
-        back = heading + math.pi + math.radians(self.aside_deg)
-        eye = way.mean(axis=0) + np.array(
-            [self.behind_m * math.cos(back), self.behind_m * math.sin(back), self.above_m]
-        )
-        return _pinhole(self.field_deg), _looking(eye, target)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,10 +87,14 @@ SHOTS = (
         from_s=14.0,
         seconds=5.5,
         viewpoint=Chase(behind_m=11.0, above_m=5.0, aside_deg=28.0, ahead_m=4.0),
-        heights_m=(-1.0, 7.0),
+        heights_m=(-2.5, 5.0),
         revolutions=3,
     ),
 )
+
+
+FOLDER = Path(__file__).resolve().parents[2] / "build" / "pictures"
+"""Where recordings are kept."""
 
 
 def moving_picture(out: Path, folder: Path, shots: Sequence[Shot] = SHOTS) -> None:
@@ -158,7 +115,7 @@ def frames(shot: Shot, folder: Path) -> Iterator[Pixels]:
     """Yield the frames of a shot, shape (HEIGHT, WIDTH, 3)."""
     drive = RecordedDrive(record(shot.scenario, shot.from_s + shot.seconds + 2.0, folder))
     shown = scene(FileKind.SCENARIO, drive.scenario, shot.viewpoint.towards_eye())
-    pinhole, _ = shot.viewpoint.eye(drive, shown.corners, shot.from_s)
+    pinhole, _ = shot.viewpoint.eye(drive, shown.corners, shot.from_s, (WIDTH, HEIGHT))
     renderer = Renderer(shown.world, shown, pinhole, layers=["color", "depth"], samples=16)
     if shown.world.room:
         renderer.exposure = INDOORS
@@ -167,7 +124,7 @@ def frames(shot: Shot, folder: Path) -> Iterator[Pixels]:
     carried = ", ".join(sensor.name for sensor in drive.vehicle.sensors)
     for number in range(round(shot.seconds * FPS)):
         at_s = shot.from_s + number / FPS
-        world_from_optical = shot.viewpoint.eye(drive, shown.corners, at_s)[1]
+        world_from_optical = shot.viewpoint.eye(drive, shown.corners, at_s, (WIDTH, HEIGHT))[1]
         renderer.place(drive.links(at_s))
         frame = renderer.draw(world_from_optical)
         picture = (frame.color * DARK).astype(np.uint8)
@@ -183,9 +140,7 @@ def frames(shot: Shot, folder: Path) -> Iterator[Pixels]:
             (way, np.broadcast_to(TRAIL, way.shape), 3),
             (points, RAINBOW_RGB[_shares(points[:, 2] - base_z_m, *shot.heights_m)], 2),
         ):
-            draw_points(
-                picture, frame.depth_m, there, colors, pinhole, world_from_optical, size_px
-            )
+            draw_points(picture, frame.depth_m, there, colors, pinhole, world_from_optical, size_px)
         for camera in cameras:
             seen = drive.image(camera.ros_topics()[""], at_s, 1.5 / camera.rate_hz)
             if seen is not None:
@@ -259,17 +214,5 @@ def _captioned(picture: Pixels, title: str, line: str) -> Pixels:
     return np.asarray(image.convert("RGB"))
 
 
-def _pinhole(field_deg: float) -> Pinhole:
-    focal = HEIGHT / 2 / math.tan(math.radians(field_deg) / 2)
-    return Pinhole(WIDTH, HEIGHT, focal, focal, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, near_m=0.3)
-
-
-def _looking(eye: Floats, target: Floats) -> Floats:
-    """Return world_from_optical, shape (4, 4), of an eye that is turned to a target."""
-    ahead = (target - eye) / np.linalg.norm(target - eye)
-    right = np.cross(ahead, (0.0, 0.0, 1.0))
-    right /= np.linalg.norm(right)
-    world_from_optical = np.eye(4)
-    world_from_optical[:3, :3] = np.stack([right, np.cross(ahead, right), ahead], axis=-1)
-    world_from_optical[:3, 3] = eye
-    return world_from_optical
+if __name__ == "__main__":
+    moving_picture(Path(sys.argv[1]), FOLDER)
