@@ -40,17 +40,17 @@ class Recipe:
 
 def world(name: str) -> Recipe:
     """Return the recipe of a world's portrait."""
-    return Recipe((f"{GROUNDLINK} world show {name} --size 720x480 --out OUT",), colors=128)
+    return Recipe((f"{GROUNDLINK} world show {name} --size 720x480 --out OUT",), colors=64)
 
 
 def vehicle(name: str) -> Recipe:
     """Return the recipe of a vehicle's portrait."""
-    return Recipe((f"{GROUNDLINK} world show {name} --size 640x480 --out OUT",), colors=128)
+    return Recipe((f"{GROUNDLINK} world show {name} --size 640x480 --out OUT",), colors=48)
 
 
 def panels(name: str) -> Recipe:
     """Return the recipe of a sheet of camera pictures."""
-    return Recipe((f"{PYTHON} -m tools.pictures.panels {name} OUT",), colors=200)
+    return Recipe((f"{PYTHON} -m tools.pictures.panels {name} OUT",), colors=96)
 
 
 RECIPES = {

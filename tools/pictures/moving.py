@@ -27,7 +27,7 @@ from services.sensors.rendering.portrait.scene import scene
 from services.view.colors import RAINBOW
 
 from .recorded import Pixels, RecordedDrive, record
-from .viewpoints import Chase, Overview
+from .viewpoints import ChaseEye, OverviewEye
 
 WIDTH, HEIGHT = 640, 360
 FPS = 10
@@ -57,7 +57,7 @@ class Shot:
     scenario: str
     from_s: float
     seconds: float
-    viewpoint: Overview | Chase
+    viewpoint: OverviewEye | ChaseEye
     heights_m: tuple[float, float]
     """Heights above the vehicle's base of points that are blue and red."""
 
@@ -76,7 +76,7 @@ SHOTS = (
         scenario="indoor_lab_tour",
         from_s=8.0,
         seconds=5.0,
-        viewpoint=Overview(azimuth_deg=196, elevation_deg=46),
+        viewpoint=OverviewEye(azimuth_deg=196, elevation_deg=46),
         heights_m=(0.0, 2.4),
         revolutions=1,
         hide_above_m=2.8,
@@ -86,7 +86,7 @@ SHOTS = (
         scenario="outdoor_paper",
         from_s=14.0,
         seconds=5.5,
-        viewpoint=Chase(behind_m=11.0, above_m=5.0, aside_deg=28.0, ahead_m=4.0),
+        viewpoint=ChaseEye(behind_m=11.0, above_m=5.0, aside_deg=28.0, ahead_m=4.0),
         heights_m=(-2.5, 5.0),
         revolutions=3,
     ),

@@ -51,7 +51,7 @@ IDEAL_LENS, IDEAL_IMAGER = Lens(), Imager()
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class PanelView:
     """A camera beside the first vehicle of a scenario at rest."""
 
     scenario: str
@@ -121,12 +121,12 @@ def _turned(poses: Floats, yaw: float) -> Floats:
     return found
 
 
-def color(view: View) -> Pixels:
+def color(view: PanelView) -> Pixels:
     """Return the picture of a view."""
     return _layers(view)[0]
 
 
-def _layers(view: View) -> tuple[Pixels, NDArray[np.float32], Pixels]:
+def _layers(view: PanelView) -> tuple[Pixels, NDArray[np.float32], Pixels]:
     """Return color, depth in meters, and labels as colors."""
     scenario = load(view.scenario)
     camera = CameraEye(scenario, scenario.vehicles[0], view.camera(), layers=ALL_LAYERS)
@@ -171,8 +171,8 @@ def sheet(panels: Sequence[tuple[str, Pixels]], columns: int) -> Image.Image:
     return page
 
 
-LAB = View(scenario="indoor_lab", xyz_m=(-0.6, -1.0, 0.55), rpy_deg=(0.0, 6.0, 18.0))
-HAMLET = View(scenario="outdoor_paper", xyz_m=(-17.0, 2.5, 1.6), rpy_deg=(0.0, -2.0, 2.0))
+LAB = PanelView(scenario="indoor_lab", xyz_m=(-0.6, -1.0, 0.55), rpy_deg=(0.0, 6.0, 18.0))
+HAMLET = PanelView(scenario="outdoor_paper", xyz_m=(-17.0, 2.5, 1.6), rpy_deg=(0.0, -2.0, 2.0))
 BARREL = Lens(distortion=(-0.25, 0.06))
 NOISY = Imager(
     exposure_s=0.01 / 16, gain=16.0, full_well_electrons=10_000.0, read_noise_electrons=5.0
@@ -183,7 +183,7 @@ LANDSCAPE = (478, 318)
 """Size of the pictures of terrain."""
 
 
-def fisheye(view: View) -> Pixels:
+def fisheye(view: PanelView) -> Pixels:
     """Return what a fisheye of 150 degrees sees from there."""
     return color(replace(view, lens=Lens(model="equidistant"), vertical_fov_deg=112.0))
 
@@ -192,7 +192,7 @@ def camera() -> Image.Image:
     """Draw color, depth and labels of the laboratory, and the yard."""
     big: dict[str, Any] = {"size": (440, 330)}
     indoors = replace(LAB, xyz_m=(-1.1, -1.9, 1.5), rpy_deg=(0.0, 22.0, 48.0), **big)
-    yard = View(scenario="yard", xyz_m=(-3.4, 2.6, 1.8), rpy_deg=(0.0, 14.0, -38.0), **big)
+    yard = PanelView(scenario="yard", xyz_m=(-3.4, 2.6, 1.8), rpy_deg=(0.0, 14.0, -38.0), **big)
     seen, depth_m, labels = _layers(indoors)
     return sheet([("", seen), ("", depth(depth_m, 0.8, 12.0)), ("", labels), ("", color(yard))], 2)
 

@@ -15,7 +15,7 @@ from .recorded import RecordedDrive
 
 
 @dataclass(frozen=True, kw_only=True)
-class Overview:
+class OverviewEye:
     """The whole world from one side; nothing moves but vehicles and points."""
 
     azimuth_deg: float
@@ -33,7 +33,7 @@ class Overview:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Chase:
+class ChaseEye:
     """From behind and above the vehicle, turned to its side."""
 
     behind_m: float
