@@ -119,7 +119,7 @@ def keep(file: Path, folder: Path) -> None:
         shutil.copy(file, folder)
         return
     with Image.open(file) as picture:
-        small = picture.convert("RGB").quantize(COLORS, dither=Image.Dither.NONE)
+        small = picture.convert("RGB").quantize(COLORS, method=Image.Quantize.MAXCOVERAGE, kmeans=2)
     small.save(folder / file.name, optimize=True)
 
 

@@ -167,6 +167,12 @@ class _Links:
 
 
 def _end_nanos(each: ReceivedMessage) -> int:
-    """Return the end of the measurement of a message."""
+    """Return the end of the measurement of a message.
+
+    The last laser of a revolution's last firing fires some microseconds after the revolution.
+    """
     assert isinstance(each.stream, Outgoing)
-    return measured_nanos(each.message) + round(NANOS / each.stream.declared_hz)
+    takes_s = 1 / each.stream.declared_hz
+    if isinstance(each.message, PointCloud):
+        takes_s = max(takes_s, float(each.message.records()["time"].max(initial=0.0)))
+    return measured_nanos(each.message) + round(NANOS * takes_s)

@@ -40,17 +40,17 @@ class Recipe:
 
 def world(name: str) -> Recipe:
     """Return the recipe of a world's portrait."""
-    return Recipe((f"{GROUNDLINK} world show {name} --size 720x480 --out OUT",), colors=64)
+    return Recipe((f"{GROUNDLINK} world show {name} --size 720x480 --out OUT",), colors=128)
 
 
 def vehicle(name: str) -> Recipe:
     """Return the recipe of a vehicle's portrait."""
-    return Recipe((f"{GROUNDLINK} world show {name} --size 640x480 --out OUT",), colors=48)
+    return Recipe((f"{GROUNDLINK} world show {name} --size 640x480 --out OUT",), colors=128)
 
 
 def panels(name: str) -> Recipe:
     """Return the recipe of a sheet of camera pictures."""
-    return Recipe((f"{PYTHON} -m tools.pictures.panels {name} OUT",), colors=96)
+    return Recipe((f"{PYTHON} -m tools.pictures.panels {name} OUT",), colors=200)
 
 
 RECIPES = {
@@ -112,7 +112,9 @@ def make(name: str) -> Path:
 def reduced(file: Path, colors: int) -> None:
     """Store a picture again with a palette."""
     with Image.open(file) as picture:
-        smaller = picture.convert("RGB").quantize(colors)
+        smaller = picture.convert("RGB").quantize(
+            colors, method=Image.Quantize.MAXCOVERAGE, kmeans=2
+        )
     smaller.save(file, optimize=True)
 
 

@@ -31,7 +31,7 @@ from .viewpoints import ChaseEye, OverviewEye
 
 WIDTH, HEIGHT = 640, 360
 FPS = 10
-QUALITY = 38
+QUALITY = 34
 """WebP's, of 100."""
 
 DARK = 0.72

@@ -31,9 +31,11 @@ def clock(tick: int) -> ReceivedMessage:
     return drawable("clock", Clock(EPOCH + tick * TICK_NANOS, EPOCH, tick, EPOCH))
 
 
-def cloud(tick: int) -> ReceivedMessage:
-    points = packed(np.zeros(1, POINT).view(np.uint8))
-    message = PointCloud(EPOCH + tick * TICK_NANOS, "lidar_link", points)
+def cloud(tick: int, last_s: float = 0.0) -> ReceivedMessage:
+    points = np.zeros(1, POINT)
+    points["time"] = last_s
+    stamp_nanos = EPOCH + tick * TICK_NANOS
+    message = PointCloud(stamp_nanos, "lidar_link", packed(points.view(np.uint8)))
     return drawable("rover/lidar", message)
 
 
@@ -116,6 +118,16 @@ def test_a_cloud_waits_for_the_truth_of_its_end() -> None:
     _, messages = states.follow([clock(0), cloud(0), sample])
     assert [each.path for each in messages] == ["clock", "rover/ground_truth"]
     _, messages = states.follow([drawable("rover/ground_truth", truth(40))])
+    assert [each.path for each in messages] == ["rover/ground_truth", "rover/lidar"]
+
+
+def test_a_cloud_waits_for_its_last_laser() -> None:
+    """Which fires some microseconds after the revolution."""
+    states = StateReconstructor(SCENARIO, "run")
+    states.follow([clock(0), cloud(0, last_s=0.100007)])
+    _, messages = states.follow([drawable("rover/ground_truth", truth(40))])
+    assert [each.path for each in messages] == ["rover/ground_truth"]
+    _, messages = states.follow([drawable("rover/ground_truth", truth(48))])
     assert [each.path for each in messages] == ["rover/ground_truth", "rover/lidar"]
 
 
