@@ -35,7 +35,7 @@ class Recipe:
     """Requirements beyond the environment."""
 
     by_hand: bool = False
-    """Whether the picture is a screenshot of what the commands show."""
+    """Whether somebody has to run the commands: in another folder, or before a screenshot."""
 
 
 def world(name: str) -> Recipe:
@@ -46,6 +46,15 @@ def world(name: str) -> Recipe:
 def vehicle(name: str) -> Recipe:
     """Return the recipe of a vehicle's portrait."""
     return Recipe((f"{GROUNDLINK} world show {name} --size 640x480 --out OUT",), colors=128)
+
+
+def tutorial(words: str) -> Recipe:
+    """Return the recipe of a picture that the tutorial of worlds makes."""
+    return Recipe(
+        (f"groundlink world show {words} --out OUT",),
+        needs="the files of docs/tutorials/your-own-world.md; in their folder",
+        by_hand=True,
+    )
 
 
 def panels(name: str) -> Recipe:
@@ -67,6 +76,8 @@ RECIPES = {
         f"vehicle_{name}.png": vehicle(name)
         for name in ("car", "decontamination_robot", "rover", "tank")
     },
+    "tutorial_cart.png": tutorial("cart.yaml --from 60,20"),
+    "tutorial_ride.png": tutorial("ride.yaml --from 160,35"),
     "report.png": Recipe(
         (
             f"{GROUNDLINK} record outdoor_paper --out build/pictures/report.mcap --duration 60",
@@ -81,9 +92,10 @@ RECIPES = {
         (
             f"{GROUNDLINK} record indoor_lab_tour --out build/pictures/view.mcap --duration 36",
             f"{GROUNDLINK} view build/pictures/view.mcap --save build/pictures/view.rrd",
-            ".venv/bin/rerun build/pictures/view.rrd --window-size 1600x964 --screenshot-to OUT",
+            ".venv/bin/rerun build/pictures/view.rrd --window-size 1600x964",
         ),
-        needs="a screen",
+        needs="a screen; then a screenshot",
+        by_hand=True,
     ),
     "rviz.png": Recipe(
         (
