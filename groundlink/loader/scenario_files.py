@@ -26,8 +26,8 @@ from . import urdf
 from .asset_import import import_assets
 from .checks import check_scenario, check_speeds
 from .document import DataPath, Document, ScenarioError, read
-from .field_changes import FieldChange
 from .material_library import with_library_materials
+from .overrides import FieldChange
 from .scatter import place_scatter
 from .terrain_placement import place_outdoors, place_solids
 from .validation_errors import convert

@@ -17,7 +17,7 @@ from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.episode.mission import Mission
-from groundlink.loader import field_changes
+from groundlink.loader import overrides
 from groundlink.messages.base import Health
 from groundlink.monitor import process_commands
 from groundlink.monitor.mission_monitor import MissionMonitor
@@ -48,14 +48,14 @@ def add_parser(subparsers: Subparsers) -> None:
         "--realtime", action="store_true", help="run in real time instead of as fast as possible"
     )
     running.add_arguments(parser, "scenario's", ros=False)
-    field_changes.add_argument(parser)
+    overrides.add_argument(parser)
     add_json_option(parser)
     parser.set_defaults(command=record)
 
 
 def record(options: argparse.Namespace) -> int:
     """Record a run; return 0 if the file has every declared rate and no vehicle ended badly."""
-    changes = field_changes.field_changes(options.set)
+    changes = overrides.field_changes(options.set)
     scenario = running.load_scenario(options.scenario, changes)
     out = Path(options.out)
     if not options.duration > 0:
@@ -67,7 +67,7 @@ def record(options: argparse.Namespace) -> int:
     del commands["gateway"]
     commands["physics"] += ["--mode", "realtime" if options.realtime else "fast"]
     commands["physics"] += ["--lockstep", "sensors"]  # no ROS node takes part
-    commands["physics"] += field_changes.forwarded(options)
+    commands["physics"] += overrides.forwarded(options)
     commands[running.RECORDER] = [
         *running.recorder(options.out, run, options.listen),
         *("--duration", f"{options.duration:g}"),

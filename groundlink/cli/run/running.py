@@ -15,7 +15,7 @@ from groundlink.cli.terminal.progress import progress
 from groundlink.core.errors import RequirementError, UserError
 from groundlink.core.extras import check_installed
 from groundlink.loader import load
-from groundlink.loader.field_changes import FieldChange
+from groundlink.loader.overrides import FieldChange
 from groundlink.monitor.process_commands import joining
 from groundlink.process.runner import address
 from groundlink.scenario import Scenario

@@ -27,7 +27,7 @@ from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
-from groundlink.loader import field_changes, load
+from groundlink.loader import load, overrides
 from groundlink.monitor.process_commands import free_endpoint
 
 from .running import SCENARIO_HELP
@@ -41,7 +41,7 @@ CHECK = "check"
 INTERRUPTED = 130
 
 
-Case = tuple[field_changes.FieldChange, ...]
+Case = tuple[overrides.FieldChange, ...]
 """The changed fields of a run."""
 
 Row = dict[str, Any]
@@ -102,7 +102,7 @@ def _sweep_scenario(options: argparse.Namespace) -> int:
     with needs("report"):
         from groundlink.report.analysis.key_figures import key_figures_of
 
-    cases: list[Case] = list(itertools.product(*map(field_changes.alternatives, options.set)))
+    cases: list[Case] = list(itertools.product(*map(overrides.alternatives, options.set)))
     for case in cases:  # mistakes are found before the first run
         load(options.scenario, changes=case)
     console = terminal.console(stderr=options.json)

@@ -19,7 +19,7 @@ from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.episode import journal
 from groundlink.episode.mission import Mission
-from groundlink.loader import field_changes, time_options
+from groundlink.loader import overrides, time_options
 from groundlink.messages.base import NOT_REPORTED
 from groundlink.monitor import process_commands
 from groundlink.monitor.mission_monitor import MissionMonitor
@@ -62,7 +62,7 @@ def add_parser(subparsers: Subparsers) -> None:
         action="store_true",
         help="also show the run in Rerun: in a window, or in a browser without a display",
     )
-    field_changes.add_argument(parser)
+    overrides.add_argument(parser)
     time_options.add_arguments(parser)
     parser.set_defaults(command=up)
 
@@ -78,7 +78,7 @@ def up(options: argparse.Namespace) -> int:
         if options.set:
             raise UserError("--set: a saved run keeps its scenario. Fix: pass a scenario file")
     else:
-        changes = field_changes.field_changes(options.set)
+        changes = overrides.field_changes(options.set)
         described = running.load_scenario(options.scenario, changes)
     scenario = time_options.with_time_options(described, options)
     if options.duration is not None and not options.duration > 0:
@@ -93,7 +93,7 @@ def up(options: argparse.Namespace) -> int:
         *(scenario, options.scenario, run, options.listen),
         sensors_together=options.sensors_together,
     )
-    commands["physics"] += field_changes.forwarded(options) + time_options.forwarded(options)
+    commands["physics"] += overrides.forwarded(options) + time_options.forwarded(options)
     if options.record:
         commands["physics"] += ["--wait-for", running.RECORDER]
         commands[running.RECORDER] = running.recorder(options.record, run, options.listen)

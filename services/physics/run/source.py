@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.episode import journal
 from groundlink.episode.journal import Journal
-from groundlink.loader import field_changes, load, time_options
+from groundlink.loader import load, overrides, time_options
 from groundlink.scenario import Scenario
 
 
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--only", metavar="VEHICLE/SENSOR", help="leave out all other sensors of the scenario"
     )
-    field_changes.add_argument(parser)
+    overrides.add_argument(parser)
     time_options.add_arguments(parser)
 
 
@@ -66,7 +66,7 @@ def source_of(options: argparse.Namespace) -> RunSource:
     if journal.is_saved_run(Path(options.scenario)):
         saved = journal.loaded(journal.read(Path(options.scenario)), options.scenario)
         return RunSource(_adjusted(saved.scenario, options), saved=saved)
-    changes = field_changes.field_changes(options.set)
+    changes = overrides.field_changes(options.set)
     return RunSource(_adjusted(load(options.scenario, changes=changes), options))
 
 

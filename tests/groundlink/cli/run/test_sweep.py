@@ -11,7 +11,7 @@ import pytest
 
 from groundlink.__main__ import main as groundlink
 from groundlink.cli.run import sweep as module
-from groundlink.loader.field_changes import FieldChange
+from groundlink.loader.overrides import FieldChange
 
 ROOT = Path(__file__).parents[4]
 RECORDING = ROOT / "tests" / "compatibility" / "every_kind.mcap"

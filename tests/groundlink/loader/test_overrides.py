@@ -8,7 +8,7 @@ import pytest
 
 from groundlink.core.errors import UserError
 from groundlink.loader import load
-from groundlink.loader.field_changes import alternatives, field_changes
+from groundlink.loader.overrides import alternatives, field_changes
 from groundlink.scenario import Scenario
 
 
