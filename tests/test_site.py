@@ -174,12 +174,12 @@ def commands_of(markdown: str) -> list[list[str]]:
 
 
 def test_commands_of_the_pages_are_parsed(capsys: pytest.CaptureFixture[str]) -> None:
-    wrong, number = [], 0
+    commands, wrong, number = parser(), [], 0
     for file in PAGES:
         for words in commands_of(file.read_text(encoding="utf-8")):
             number += 1
             try:
-                parser().parse_args(list(takewhile(lambda word: word not in SHELL, words)))
+                commands.parse_args(list(takewhile(lambda word: word not in SHELL, words)))
             except SystemExit as end:
                 if end.code:
                     error = capsys.readouterr().err.splitlines()[-1]
