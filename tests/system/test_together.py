@@ -21,6 +21,10 @@ def test_sensors_of_a_shared_process_are_reported_separately(tmp_path: Path) -> 
         (one,) = [line for line in children_of(up.pid).values() if "services.sensors" in line]
         assert "--name" not in one
         up.wait(60)  # what rates were kept is nothing to this test
-    processes = json.loads(report.read_text(encoding="utf-8"))["processes"]
+    content = json.loads(report.read_text(encoding="utf-8"))
+    processes = content["processes"]
     assert processes.keys() == {"physics", "gateway", "ros"} | SENSORS
     assert all(processes[name]["counters"]["readings"] > 10 for name in SENSORS)
+    (mission,) = content["missions"]
+    assert (mission["vehicle"], mission["state"], mission["failure"]) == ("rover", "standing", None)
+    assert mission["seconds"] >= 2.0

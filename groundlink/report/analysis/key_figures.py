@@ -36,6 +36,9 @@ def key_figures(run: RunSummary) -> dict[str, float]:
         figures[f"{whose}top speed m/s"] = motion.top_speed_mps
         if energy.last is not None:
             figures[f"{whose}motor work J"] = energy.last.motor_work_j
+        for mission in run.missions:
+            if mission.vehicle == motion.vehicle:
+                figures[f"{whose}stuck s"] = mission.stuck_seconds
         figures[f"{whose}contacts"] = len(energy.events) + energy.further_events
         truth = motion.track()
         for reading in run.readings[motion.vehicle]:
