@@ -63,6 +63,7 @@ WORDS = {
     "scenario": SCENARIOS,
     "SCENARIO": SCENARIOS,
     "WORLD|VEHICLE|SCENARIO": Words(lambda: _shipped(*FOLDERS), files=("*.yaml",)),
+    "VEHICLE|FILE.yaml": Words(lambda: _shipped("vehicles"), files=("*.yaml",)),
     "FILE.yaml|KIND": Words(lambda: ADDITIONS, files=("*.yaml",)),
     "FILE.yaml|FIGURE": Words(lambda: FIGURES, files=("*.yaml",)),
     "sheet": Words(lambda: (file.stem for file in datasheet_files()), files=("*.yaml",)),
@@ -80,6 +81,7 @@ WORDS = {
     "FILE.json": Words(files=("*.json",)),
     "FILE.rrd": Words(files=("*.rrd",)),
     "REPORT.html": Words(files=("*.html",)),
+    "TRIALS.html": Words(files=("*.html",)),
     "WORLD.yaml": Words(files=("*.yaml",)),
     "FILE.png|FILE.jpg": Words(files=("*.png", "*.jpg")),
 }

@@ -41,7 +41,11 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def add_trial_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that the process of the trials shares."""
-    parser.add_argument("vehicle", help="vehicle file (YAML), or name of a shipped vehicle")
+    parser.add_argument(
+        "vehicle",
+        metavar="VEHICLE|FILE.yaml",
+        help="vehicle file (YAML), or name of a shipped vehicle",
+    )
     parser.add_argument(
         "--slope",
         type=_slope,

@@ -29,10 +29,11 @@ from groundlink.loader.scenario_files import load_route, read_route
 from groundlink.messages.base import Clock, Command
 from groundlink.monitor.process_commands import joining
 from groundlink.process import runner as process
-from groundlink.process.joining import join
 from groundlink.scenario import Scenario
 from groundlink.scenario.route import FIGURES
 from groundlink.scenario.schema import Vehicle
+
+from .connection import joined
 
 PERIOD_SECONDS = 0.05
 """Period of commands."""
@@ -100,8 +101,7 @@ def drive(options: argparse.Namespace) -> int:
         read_route(options.route)
     stop = stop_on_signals()
     endpoint = process.endpoint(options)
-    with Bus(connect=endpoint) as bus:
-        run, scenario = join(bus, options.run, stop)
+    with joined(options, stop=stop) as (bus, run, scenario):
         vehicle = _vehicle(scenario, options.vehicle)
         if not options.route:
             limits = {

@@ -12,6 +12,7 @@ from groundlink.bus.core_topics import REPLAY
 from groundlink.cli import Subparsers
 from groundlink.cli.run.dashboard import dashboard
 from groundlink.cli.terminal import output as terminal
+from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.core.extras import needs
 from groundlink.loader import load
 from groundlink.monitor import process_commands
@@ -47,6 +48,7 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     parser.add_argument("--loop", action="store_true", help="repeat until Ctrl-C")
     running.add_arguments(parser, "recorded name")
+    add_json_option(parser, "print a report of the replay as JSON; tables go to stderr")
     parser.add_argument(
         "--gateway",
         metavar="SCENARIO",
@@ -70,7 +72,7 @@ def replay(options: argparse.Namespace) -> int:
     scenario = recorded.scenario
     gateway = load(options.gateway).gateway if options.gateway else scenario.gateway
     run = options.run or recorded.run
-    console = terminal.console()
+    console = terminal.console(stderr=options.json)
     join = process_commands.joining(run, options.listen)
     commands = {REPLAY: ["-m", "services.replay", options.recording, *join]}
     commands[REPLAY] += ["--factor", repr(options.factor), "--from", repr(options.start)]
@@ -87,16 +89,19 @@ def replay(options: argparse.Namespace) -> int:
     )
     monitor, children = supervised_run.monitor, supervised_run.children
     title = f"{options.recording} ({scenario.name}, run `{run}`)"
+    started = time.time()
     failed = supervised_run.go(
         _Drained(children[REPLAY]).is_over, lambda: dashboard(title, monitor, children.values())
     )
     if failed:
         return supervised.exit_code(failed)
     console.print(dashboard("summary", monitor, children.values()))
+    faults = []
     # In a loop stamps jump back, so rates by stamps are undefined.
-    if options.loop or options.no_gateway or (options.no_ros and not monitor.streams):
-        return 0
-    faults = monitor.faults(needs_reports=not options.no_ros)
+    if not (options.loop or options.no_gateway or (options.no_ros and not monitor.streams)):
+        faults = monitor.faults(needs_reports=not options.no_ros)
+    if options.json:
+        print_json(supervised_run.report(scenario, started, faults))
     for fault in faults:
         terminal.say(console, f"failed: {fault}")
     return 1 if faults else 0

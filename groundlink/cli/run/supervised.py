@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Supervised run: processes that a command starts, monitors, shows and stops."""
 
+import dataclasses
 import sys
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Container, Iterable, Mapping, Sequence
 
+import msgspec
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.progress_bar import ProgressBar
 from rich.table import Table
@@ -15,12 +17,14 @@ from groundlink.bus.core_topics import HEALTH, RECORDER
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.cli.terminal.output import display, say, stop_on_signals
+from groundlink.core import VERSION
 from groundlink.core.errors import UserError
 from groundlink.episode.mission import Mission
 from groundlink.messages.base import Health
 from groundlink.monitor.mission_monitor import MissionMonitor
 from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.monitor.supervisor import EXPLAINED, Child, Supervisor
+from groundlink.scenario import Scenario
 
 LINES_SHOWN = 5
 """Number of log lines below the live status."""
@@ -110,6 +114,33 @@ class SupervisedRun:
                     say(self._shown, line)
             self._update_monitor(inbox)
         return failed
+
+    def report(
+        self, scenario: Scenario, started: float, faults: Sequence[str]
+    ) -> dict[str, object]:
+        """Return the report of the run as plain data; it started at this Unix time."""
+        monitor = self.monitor
+        return {
+            "groundlink": VERSION,
+            "run": self._run,
+            "started": started,
+            "sim_seconds": monitor.sim_seconds,
+            "real_time_factor": monitor.real_time_factor,
+            "stalls": dataclasses.asdict(monitor.stalls),
+            "faults": faults,
+            "missions": [mission.to_builtins() for mission in self.missions.missions()],
+            "streams": [msgspec.to_builtins(stream) for stream in monitor.streams],
+            "processes": {
+                name: {
+                    "restarts": child.restarts,
+                    "last_exit": child.last_exit,
+                    "counters": counters,
+                }
+                for child in self.children.values()
+                for name, counters in monitor.counters_of(child.name, child.pid).items()
+            },
+            "scenario": msgspec.to_builtins(scenario),
+        }
 
     def _monitor_loop(
         self, inbox: BusInbox[Health], is_over: Callable[[], bool], show: Callable[[bool], None]

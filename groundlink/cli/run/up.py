@@ -2,19 +2,17 @@
 """`groundlink up SCENARIO`: run a scenario on this machine, supervised, with live status."""
 
 import argparse
-import dataclasses
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-import msgspec
 from rich.console import Console
 
 from groundlink.cli import Subparsers
 from groundlink.cli.run.dashboard import dashboard
 from groundlink.cli.terminal import output as terminal
-from groundlink.core import VERSION
+from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.episode import journal
@@ -25,7 +23,6 @@ from groundlink.monitor import process_commands
 from groundlink.monitor.mission_monitor import MissionMonitor
 from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.monitor.supervisor import Child
-from groundlink.scenario import Scenario
 
 from . import running, supervised
 
@@ -51,6 +48,7 @@ def add_parser(subparsers: Subparsers) -> None:
         "--report", type=Path, metavar="FILE.json", help="write a report of the run"
     )
     running.add_arguments(parser, "scenario's")
+    add_json_option(parser, "print the report of the run as JSON; tables go to stderr")
     parser.add_argument(
         "--sensors-together",
         action="store_true",
@@ -88,7 +86,7 @@ def up(options: argparse.Namespace) -> int:
     if options.record:
         running.check_new_file("--record", Path(options.record))
     run = options.run or scenario.name
-    console = terminal.console()
+    console = terminal.console(stderr=options.json)
     commands = process_commands.commands(
         *(scenario, options.scenario, run, options.listen),
         sensors_together=options.sensors_together,
@@ -134,8 +132,10 @@ def up(options: argparse.Namespace) -> int:
     judged = [vehicle.name for vehicle in scenario.vehicles if options.duration or vehicle.route]
     faults += supervised.failures(missions(), judged)
     _summarize(console, monitor, children, missions(), faults)
+    report = supervised_run.report(scenario, started, faults)
+    if options.json:
+        print_json(report)
     if options.report:
-        report = _report(scenario, run, started, monitor, children, missions(), faults)
         with write_atomically(options.report) as part:
             part.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     if failed:
@@ -214,36 +214,3 @@ def _summarize(
         terminal.say(console, line)
     elif not faults:
         terminal.say(console, "every declared rate was kept within 2 %")
-
-
-def _report(
-    scenario: Scenario,
-    run: str,
-    started: float,
-    monitor: RunMonitor,
-    children: Mapping[str, Child],
-    missions: Sequence[Mission],
-    faults: list[str],
-) -> dict[str, object]:
-    """Return the report of a run as plain data."""
-    return {
-        "groundlink": VERSION,
-        "run": run,
-        "started": started,
-        "sim_seconds": monitor.sim_seconds,
-        "real_time_factor": monitor.real_time_factor,
-        "stalls": dataclasses.asdict(monitor.stalls),
-        "faults": faults,
-        "missions": [mission.to_builtins() for mission in missions],
-        "streams": [msgspec.to_builtins(stream) for stream in monitor.streams],
-        "processes": {
-            name: {
-                "restarts": child.restarts,
-                "last_exit": child.last_exit,
-                "counters": counters,
-            }
-            for child in children.values()
-            for name, counters in monitor.counters_of(child.name, child.pid).items()
-        },
-        "scenario": msgspec.to_builtins(scenario),
-    }

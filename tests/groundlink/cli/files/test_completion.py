@@ -18,6 +18,7 @@ from groundlink.cli.files.completion import RUNS, SHELLS, WORDS, arguments, key_
 NO_WORDS = {
     "AZIMUTH,ELEVATION",
     "COMMAND",
+    "DEG",
     "DIRECTION.FIELD=VALUE",
     "ENDPOINT",
     "F",
