@@ -10,24 +10,12 @@ from services.sensors.rendering.gl.pinhole import Pinhole
 from tools.pictures.__main__ import PICTURES, RECIPES, reduced
 from tools.pictures.moving import draw_points
 
-README = Path(__file__).resolve().parents[1] / "README.md"
-
 
 def test_every_picture_has_a_recipe() -> None:
     raster = {file.name for file in PICTURES.iterdir() if file.suffix in (".png", ".webp")}
     assert raster == RECIPES.keys()
     for recipe in RECIPES.values():
         assert any("OUT" in command for command in recipe.commands) or recipe.by_hand
-
-
-def test_the_moving_picture_is_small_and_stands_in_the_readme() -> None:
-    file = PICTURES / "moving.webp"
-    assert file.stat().st_size < 1_500_000
-    with Image.open(file) as picture:
-        assert 8 <= getattr(picture, "n_frames", 1) / 10 <= 12
-    text = README.read_text(encoding="utf-8")
-    assert "(docs/pictures/moving.webp)" in text
-    assert len(text.splitlines()) <= 120
 
 
 def test_points_behind_a_surface_are_hidden_and_near_ones_cover_far_ones() -> None:

@@ -80,22 +80,21 @@ RECIPES = {
     "tutorial_ride.png": tutorial("ride.yaml --from 160,35"),
     "report.png": Recipe(
         (
-            f"{GROUNDLINK} record outdoor_paper --out build/pictures/report.mcap --duration 60",
+            f"{GROUNDLINK} record outdoor_paper --out build/pictures/report.mcap --duration 21.5",
             f"{GROUNDLINK} report build/pictures/report.mcap",
-            "chromium --headless --no-sandbox --screenshot=OUT --window-size=1040,3000"
-            " build/pictures/report.html",
+            "chromium --headless --no-sandbox --hide-scrollbars --screenshot=OUT"
+            " --window-size=1040,3000 build/pictures/report.html",
         ),
         colors=200,
         needs="Chromium",
     ),
     "view.png": Recipe(
         (
-            f"{GROUNDLINK} record indoor_lab_tour --out build/pictures/view.mcap --duration 36",
+            f"{GROUNDLINK} record indoor_lab_tour --out build/pictures/view.mcap --duration 27",
             f"{GROUNDLINK} view build/pictures/view.mcap --save build/pictures/view.rrd",
-            ".venv/bin/rerun build/pictures/view.rrd --window-size 1600x964",
+            f"{PYTHON} -m tools.pictures.screenshot build/pictures/view.rrd OUT 27",
         ),
-        needs="a screen; then a screenshot",
-        by_hand=True,
+        colors=128,
     ),
     "rviz.png": Recipe(
         (
