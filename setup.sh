@@ -34,7 +34,7 @@ else
 fi
 
 step "installing Groundlink, its dependencies and test tools (one to two minutes)"
-install -e ./udp-bridge -e '.[physics,sensors,camera,gateway,record,report,view,secure,benchmarks,experiments,docs,dev]'
+install -e ./udp-bridge -e '.[all,benchmarks,experiments,docs,dev]'
 
 step "installing ROS 2 Kilted"
 if install $(.venv/bin/python - <<'PYTHON'

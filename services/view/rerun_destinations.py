@@ -177,7 +177,7 @@ def web(
     # Hosts that can load the page can also load the data.
     arguments += ["--cors-allow-origin", f"http://*:{web_port}"]
     name = machine if host == EVERYWHERE else host
-    data = quote(f"rerun+http://{name}:{port}/proxy", safe="")
+    data = quote(f"rerun+http://{name}:{port}/proxy", safe=":/")  # fits a line of a terminal
     return ViewerProcess(blueprint, host, port, arguments), f"http://{name}:{web_port}/?url={data}"
 
 
