@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """System tests of run control: pause, step and reset with real processes and a real bus."""
 
+import json
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -81,6 +82,10 @@ def test_command_line_prints_the_result(run: tuple[Rig, Bus, BusInbox[Imu]]) -> 
     done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith(f"run `{it.run}` is paused at tick ")
+    done = subprocess.run([*command, "--json"], capture_output=True, text=True, timeout=30)
+    status = json.loads(done.stdout)
+    assert (status["run"], status["paused"]) == (it.run, True)
+    assert status["tick"] > 0
     command[4] = "0"
     done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
     assert (done.returncode, done.stderr) == (

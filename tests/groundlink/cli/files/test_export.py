@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`groundlink export`: what is printed, what is refused, and that no half folder is left."""
 
+import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -47,6 +48,21 @@ def test_the_options_choose(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     clouds = [f"points/pcd/{name}" for name in ("000000.pcd", "000001.pcd", "times.txt")]
     assert paths == ["ground_truth_odom.tum", "ground_truth_odom_imu_link.tum", *clouds]
     assert "not exported" not in text
+
+
+def test_what_was_written_is_json_for_scripts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, bag = tmp_path / "out", tmp_path / "run.bag"
+    content = json.loads(said(capsys, "--out", out, "--tum", "--json"))
+    assert content["path"] == str(out)
+    files = {found["path"]: found["messages"] for found in content["files"]}
+    assert files["odom.tum"] == len((out / "odom.tum").read_text().splitlines()) > 1
+    assert content["left_out"]["/imu"] == "no chosen format fits the type"
+    assert main(["convert", str(FILE), str(bag), "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["bytes"] == bag.stat().st_size
+    assert content["messages"] > 100
 
 
 @pytest.mark.parametrize(
