@@ -15,15 +15,10 @@ from groundlink.cli.commands import parser
 
 from .blocks import DOCS, ROOT, blocks
 
+FOLDERS = (DOCS, *(ROOT / name for name in ("deploy", "examples", "ros", "udp-bridge")))
 PAGES = sorted(
-    page
-    for page in [
-        *DOCS.rglob("*.md"),
-        *ROOT.glob("*.md"),
-        *ROOT.glob("*/*.md"),
-        *ROOT.glob("ros/*/*.md"),
-    ]
-    if page.name != "CHANGELOG.md" and page != DOCS / "reference" / "commands.md"
+    {*ROOT.glob("*.md"), *(page for folder in FOLDERS for page in folder.rglob("*.md"))}
+    - {ROOT / "CHANGELOG.md", DOCS / "reference" / "commands.md"}
 )
 """All but the history, and the page that the parser itself writes."""
 
