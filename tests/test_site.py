@@ -2,10 +2,8 @@
 """The documentation site builds without a warning; its pages quote what the code says."""
 
 import re
-import shlex
 import subprocess
 import sys
-from itertools import takewhile
 from pathlib import Path
 
 import pytest
@@ -13,7 +11,6 @@ import yaml
 
 import groundlink
 import udp_bridge
-from groundlink.cli.commands import parser
 from groundlink.core import VERSION
 from groundlink.loader import load
 from groundlink.ros.cdr import CODECS
@@ -151,41 +148,6 @@ def test_the_python_page_has_every_public_name(site: Path) -> None:
     built = (site / "reference" / "python.html").read_text(encoding="utf-8")
     for name in ("groundlink.open", "groundlink.data.dataset.Dataset.array", "udp_bridge.Link"):
         assert f'id="{name}"' in built
-
-
-PAGES = [
-    *DOCS.rglob("*.md"),
-    ROOT / "README.md",
-    ROOT / "deploy/README.md",
-    ROOT / "ros/ros2/README.md",
-]
-COMMAND = re.compile(r"^(?: {4}|\$ )?(?:[A-Z_]+=\S+ )*(?:\.venv/bin/)?groundlink (.*)$")
-"""A command of a code block, after variables of its environment."""
-
-SHELL = {"&", "&&", "|", ">", ";"}
-
-
-def commands_of(markdown: str) -> list[list[str]]:
-    """Return the words after `groundlink` of each command in code blocks; `[...]` are optional."""
-    markdown = re.sub(r"^```text\n.*?^```", "", markdown, flags=re.DOTALL | re.MULTILINE)
-    joined = re.sub(r" *\\\n +", " ", markdown)
-    found = [match[1] for line in joined.splitlines() if (match := COMMAND.match(line))]
-    return [shlex.split(re.sub(r"\[[^]]*\]", "", text), comments=True) for text in found]
-
-
-def test_commands_of_the_pages_are_parsed(capsys: pytest.CaptureFixture[str]) -> None:
-    commands, wrong, number = parser(), [], 0
-    for file in PAGES:
-        for words in commands_of(file.read_text(encoding="utf-8")):
-            number += 1
-            try:
-                commands.parse_args(list(takewhile(lambda word: word not in SHELL, words)))
-            except SystemExit as end:
-                if end.code:
-                    error = capsys.readouterr().err.splitlines()[-1]
-                    wrong.append(f"{file.relative_to(ROOT)}: {shlex.join(words)}: {error}")
-    assert wrong == []
-    assert number > 60
 
 
 def test_error_lines_of_troubleshooting_are_those_of_the_sources() -> None:
