@@ -92,7 +92,7 @@ def test_what_is_shipped_does_not_depend_on_the_library(
 
 
 def test_the_page_of_worlds_lists_the_library() -> None:
-    page = (ROOT / "docs" / "how-to" / "worlds.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "worlds.md").read_text(encoding="utf-8")
     section = page.partition("\n## Materials\n")[2].partition("\n## ")[0]
     rows = [line for line in section.splitlines() if line.startswith("| ")]
     assert re.findall(r"`(\w+)`", "".join(rows)) == list(library())
