@@ -9,7 +9,7 @@ from bisect import insort
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from math import atan2, copysign, cos, dist, pi, radians
+from math import atan2, copysign, cos, dist, isfinite, pi, radians
 from typing import NamedTuple
 
 import numpy as np
@@ -261,9 +261,10 @@ class MissionTracker:
         self._sums = _Sums()
 
     def commanded(self, seconds: float, speed_mps: float, turn_radps: float) -> None:
-        """Take a command with the time from which it acts."""
-        insort(self._command.waiting, (seconds, speed_mps, turn_radps))
-        del self._command.waiting[MAX_WAITING:]
+        """Take a command with the time from which it acts. One that is not finite is ignored."""
+        if isfinite(speed_mps) and isfinite(turn_radps):
+            insort(self._command.waiting, (seconds, speed_mps, turn_radps))
+            del self._command.waiting[MAX_WAITING:]
 
     def touched(self, seconds: float, names: Iterable[str]) -> None:
         """Take the names of all that the vehicle touches, besides the ground under its wheels."""

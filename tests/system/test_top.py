@@ -178,5 +178,8 @@ def test_a_process_that_dies_is_gone_within_two_seconds(sensor_only: tuple[Rig, 
     assert now["rover/imu"]["pid"] == imu
     assert now["physics"]["host"] == os.uname().nodename
     assert now["rover/lidar"]["state"] == "missing"
+    [mission] = json.loads(it.log("top.log").splitlines()[-1])["missions"]
+    assert (mission["vehicle"], mission["state"], mission["failure"]) == ("rover", "standing", None)
+    assert mission["seconds"] > 0
     os.kill(imu, signal.SIGKILL)
     wait_for(lambda: states(it)["rover/imu"]["state"] == "gone", 2.0, "it is gone")

@@ -2,7 +2,7 @@
 """What a vehicle did is judged as somebody who looks on would; trajectories are made up."""
 
 from collections.abc import Callable, Sequence
-from math import cos, pi, sin
+from math import cos, inf, nan, pi, sin
 
 import numpy as np
 import pytest
@@ -258,6 +258,12 @@ def test_commands_act_from_their_stamp_in_whatever_order_they_come(rover: Vehicl
         tracker.moved(i / 10, (0.05 * i, 0.0, 0.17), (0.0, 0.0, 0.0, 1.0))
     # From 0 to 0.9 s, and a ramp down.
     assert tracker.mission().commanded_m == pytest.approx(0.45, abs=0.07)
+
+
+@pytest.mark.parametrize("bad", [(nan, 0.0), (0.5, inf)])
+def test_commands_that_physics_refuses_do_not_count(rover: Vehicle, bad: Command) -> None:
+    it = judged(rover, 5.0, stands, lambda t: bad)
+    assert (it.state, it.commanded_m, it.commanded_rad) == (STANDING, 0.0, 0.0)
 
 
 def test_commands_of_single_wheels_count(rover: Vehicle) -> None:

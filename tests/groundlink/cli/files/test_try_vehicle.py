@@ -88,7 +88,7 @@ def test_mistakes_are_one_line(
 
 
 def test_a_urdf_is_tried(capfd: pytest.CaptureFixture[str]) -> None:
-    """It rears up on a steep slope, since its mass is behind its axle."""
+    """It rears up on a steep slope, since its only caster is in front."""
     assert main(["try", str(CART), "--json"]) == 1
     trials = {trial["name"]: trial for trial in json.loads(capfd.readouterr().out)}
     assert list(trials) == ["stand", "straight", "turn", "stop", "climb", "lean"]
