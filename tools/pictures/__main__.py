@@ -88,6 +88,15 @@ RECIPES = {
         colors=200,
         needs="Chromium",
     ),
+    "trials.png": Recipe(
+        (
+            f"{GROUNDLINK} try car --out build/pictures/trials.html",
+            "chromium --headless --no-sandbox --hide-scrollbars --screenshot=OUT"
+            " --window-size=1040,1500 build/pictures/trials.html",
+        ),
+        colors=64,
+        needs="Chromium",
+    ),
     "view.png": Recipe(
         (
             f"{GROUNDLINK} record indoor_lab_tour --out build/pictures/view.mcap --duration 27",
