@@ -9,9 +9,16 @@ from rich.console import Console
 
 from groundlink.__main__ import main
 from groundlink.bus.topics import TOPICS
+from groundlink.cli.files import verify
 from groundlink.cli.run import record
+from groundlink.cli.run.dashboard import missions_table
+from groundlink.cli.run.top import picture
+from groundlink.episode.mission import Mission
+from groundlink.messages.base import Health, StreamReport
+from groundlink.monitor.overview import Overview
 from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.recording import reader as reading
+from groundlink.recording.comparison import FirstDifference, TopicComparison
 from groundlink.recording.metadata import TopicFacts
 
 
@@ -72,3 +79,59 @@ def test_the_topics_of_the_bus_are_shown_whole(
     assert max(map(len, out.splitlines())) <= width
     for topic in TOPICS:
         assert {topic.name, topic.key, topic.message.__name__, topic.delivery.value} <= cells
+
+
+def long_overview() -> Overview:
+    overview = Overview("lab", {"physics": None, "front_left/stereo_camera": 400.0})
+    counters = {"readings": 1_234_567, "bus_bytes": 987_654_321, "gap_overloaded": 4321}
+    streams = (StreamReport("/front_left/camera/image_raw", "Image", 400.0, 399.25, 0.0123, 11, 3),)
+    for name, more in {"front_left/stereo_camera": (), "gateway": streams}.items():
+        overview.presence_changed(name, True)
+        for second in (0, 10):
+            tick, host = 400 * second, "a-workstation.lab.example"
+            health = Health(name, 4_194_304, tick, counters, more, host)
+            overview.update(health, float(second))
+    return overview
+
+
+VERIFIED = TopicComparison(
+    topic="/front_left/camera/image_raw/compressed",
+    type="sensor_msgs/msg/CompressedImage",
+    recorded=1_234_567,
+    equal=1_234_560,
+    different=7,
+    first=FirstDifference(nanos=123_456_789_012, number=1_234_561, words=""),
+)
+MISSION = Mission(
+    vehicle="decontamination_robot",
+    state="left the map",
+    seconds=1234.5,
+    route_share=0.123,
+    driven_m=98765.4,
+    commanded_m=99999.9,
+    followed_m=98765.4,
+    commanded_rad=12.0,
+    turned_rad=11.0,
+    stuck_seconds=1234.5,
+    events=(),
+)
+TABLES = {
+    "top": (picture(long_overview(), 10.0), ["399.25 Hz", "12.3 ms", "4321", "1234567"]),
+    "verify": (verify._table([VERIFIED], 0), ["1234567", "1234560", "7", "123.456789 s"]),
+    "missions": (missions_table([MISSION]), ["12 %", "98765.4 m", "99 %", "92 %"]),
+}
+
+
+@pytest.mark.parametrize("width", [80, 60])
+@pytest.mark.parametrize("name", TABLES)
+def test_figures_of_a_table_are_whole(name: str, width: int) -> None:
+    table, figures = TABLES[name]
+    console = Console(width=width, file=io.StringIO())
+    with console.capture() as capture:
+        console.print(table)
+    text = capture.get()
+    assert "…" not in text
+    assert max(map(len, text.splitlines())) <= width
+    cells = [cell.strip() for line in text.splitlines() for cell in line.split("│")]
+    for figure in figures:
+        assert any(figure in cell for cell in cells), figure
