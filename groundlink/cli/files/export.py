@@ -90,7 +90,7 @@ def export(options: argparse.Namespace) -> int:
         print_json(content)
         return 0
     table = FittingTable(
-        f"wrote {out}", (Column("file", "text"), Column("topic", "text"), Column("messages"))
+        f"wrote {out}", (Column("file", "path"), Column("topic", "text"), Column("messages"))
     )
     for written in summary.paths:
         table.add_row(written.path, written.topic, str(written.messages))

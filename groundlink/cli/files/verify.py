@@ -163,7 +163,7 @@ def _run(
 
 def _table(verdicts: list[TopicComparison], epoch_nanos: int) -> FittingTable:
     counted = ("recorded", "equal", "different", "missing", "new", "first at")
-    columns = (Column("topic", "text"), *map(Column, counted))
+    columns = (Column("topic", "path"), *map(Column, counted))
     table = FittingTable("recording and repeated run", columns)
     for v in verdicts:
         counts = (v.recorded, v.equal, v.different, v.missing, v.new)

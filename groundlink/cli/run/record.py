@@ -95,7 +95,7 @@ def record(options: argparse.Namespace) -> int:
 
 
 _TOPICS = (
-    Column("topic", "text"),
+    Column("topic", "path"),
     Column("type", "text", omit_order=1),
     Column("messages"),
     Column("declared", omit_order=2),

@@ -129,7 +129,7 @@ class FittingTable:
 def _folded(path: str, width: int) -> str:
     """Return a path in lines that end before slashes."""
     lines = [""]
-    for step in re.findall("/?[^/]+", path):
+    for step in re.findall("/?[^/]+|/", path):
         if lines[-1] and cell_len(lines[-1] + step) > width:
             lines.append("")
         lines[-1] += step
