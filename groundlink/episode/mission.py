@@ -113,7 +113,7 @@ class Mission(msgspec.Struct, frozen=True):
 
 def _described(event: MissionEvent) -> str:
     """Return an event as text."""
-    x, y, _ = event.position_m
+    x, y = (round(value, 2) + 0.0 for value in event.position_m[:2])  # No minus zero.
     when = f"since {event.begin_seconds:.1f} s"
     if event.end_seconds is not None:
         when = f"from {event.begin_seconds:.1f} to {event.end_seconds:.1f} s"

@@ -287,14 +287,15 @@ class MissionTracker:
             self._integrate(last, pose, speed, turn)
             downward_mps = (last.position_m[2] - position_m[2]) / (seconds - last.seconds)
         is_commanded = abs(speed) >= COMMANDED_MPS or abs(turn) >= COMMANDED_RADPS
-        if last is None or not is_commanded:
+        is_given_up = self._is_silent(seconds) and self._is_known(STUCK)
+        if last is None or not (is_commanded or is_given_up):
             self._latest.restart(seconds, position_m)
         upright = 1 - 2 * (x * x + y * y)
         self._judge(LEFT, self._is_outside(position_m), seconds, position_m)
         self._judge(FALLING, downward_mps > self._falling_mps, seconds, position_m)
         self._judge(TIPPED, upright < cos(radians(TIPPED_DEG)), seconds, position_m)
-        begin = self._latest.begin
-        self._judge(STUCK, self._latest.is_stuck(), begin.seconds, begin.position_m)
+        begin, is_stuck = self._latest.begin, self._latest.is_stuck() or is_given_up
+        self._judge(STUCK, is_stuck, begin.seconds, begin.position_m)
 
     def _active(self, seconds: float, passed: float) -> tuple[float, float]:
         """Return the velocity that is commanded now, within the vehicle's limits."""
@@ -304,7 +305,7 @@ class MissionTracker:
             if since >= command.since_seconds:
                 command.since_seconds, command.asked = since, (speed, turn)
         asked = command.asked
-        if seconds - command.since_seconds > self._timeout_seconds:
+        if self._is_silent(seconds):
             asked = (0.0, 0.0)
         limited = max(-self._top_mps, min(self._top_mps, asked[0]))
         command.ramped = (
@@ -312,6 +313,16 @@ class MissionTracker:
             _towards(command.ramped[1], asked[1], drive.max_angular_acceleration_radps2 * passed),
         )
         return command.ramped
+
+    def _is_silent(self, seconds: float) -> bool:
+        """Return whether commands ended without one to stop, as when their sender has ended."""
+        since = self._command.since_seconds
+        return self._command.asked != (0.0, 0.0) and seconds - since > self._timeout_seconds
+
+    def _is_known(self, state: str) -> bool:
+        """Return whether the vehicle is in a failure for long enough."""
+        condition = self._conditions.get(state)
+        return condition is not None and condition.event is not None
 
     def _integrate(self, last: _Pose, pose: _Pose, speed: float, turn: float) -> None:
         """Add the motion since the last state, and the motion that was commanded."""

@@ -149,17 +149,18 @@ class SupervisedRun:
         while not (failed or self._stop.is_set() or is_over()):
             failed = self._supervisor.poll()
             self._update_monitor(inbox)
+            self.missions.update()
             show(False)
+        self.missions.update()  # Not later: processes end one after the other.
         show(True)
         return self.children[failed] if failed else None
 
     def _update_monitor(self, inbox: BusInbox[Health]) -> None:
-        """Pass waiting messages to the monitors; wait briefly for the first of health."""
+        """Pass waiting health messages to the monitor; wait briefly for the first."""
         while arrived := inbox.get(seconds=0.0 if len(inbox) else 0.05):
             self.monitor.update(arrived[1], time.monotonic())
             if self._stop.is_set():
                 break
-        self.missions.update()
 
     def _log(self, name: str, line: str) -> None:
         line = line.removeprefix(f"{name}: ")  # error lines start with the name

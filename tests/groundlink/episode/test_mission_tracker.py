@@ -117,6 +117,27 @@ def test_commands_end_with_their_timeout(rover: Vehicle) -> None:
     assert (it.state, it.stuck_seconds) == (STANDING, 0.0)
 
 
+def test_who_is_stuck_stays_so_until_it_is_told_to_stop_or_moves(rover: Vehicle) -> None:
+    """A driver that ends with its run sends no command to stop."""
+
+    def gives_up(t: float) -> Command:
+        return (0.5, 0.0) if t < 5.0 else None
+
+    it = judged(rover, 20.0, stands, gives_up)
+    assert (it.state, it.stuck_seconds) == (STUCK, pytest.approx(20.0))
+    it = judged(rover, 20.0, stands, lambda t: (0.0, 0.0) if t > 10.0 else gives_up(t))
+    assert (it.state, it.stuck_seconds) == (STANDING, pytest.approx(10.1, abs=0.11))
+    it = judged(rover, 20.0, ahead(0.0), lambda t: (0.5, 0.0) if t > 10.0 else gives_up(t))
+    assert it.state == STUCK
+
+    def moves(t: float) -> Pose:
+        return 0.5 * max(0.0, t - 10.0), *REST[1:]
+
+    it = judged(rover, 20.0, moves, lambda t: (0.5, 0.0) if t > 10.0 else gives_up(t))
+    assert it.state == DRIVING
+    assert it.stuck_seconds == pytest.approx(10.3, abs=0.3)
+
+
 def test_who_follows_is_driving(rover: Vehicle) -> None:
     it = judged(rover, 10.0, ahead(0.5), always(0.5))
     assert (it.state, it.problems()) == (DRIVING, [])
