@@ -37,7 +37,6 @@ from .deliveries import (
     write_deliveries,
 )
 from .setups import ROOT, Setup, loaded
-from .truth import frames_of
 
 END_S = 20.0
 """Timeout for processes to end."""
@@ -105,7 +104,12 @@ def record(setup: Setup, out: Path, console: Console) -> RecordedRun:
         raise UserError(f"{setup.name}, seed {setup.seed}: not all came to {bag}: {words}")
     with groundlink.open(bus) as dataset:
         write_tum(part / "truth.tum", dataset.truth())
-    (part / "frames.json").write_text(json.dumps(frames_of(bus)), encoding="utf-8")
+        mounts = {
+            frame: dataset.mount(vehicle, frame)
+            for vehicle, frames in dataset.frames.items()
+            for frame in frames
+        }
+    (part / "frames.json").write_text(json.dumps(mounts), encoding="utf-8")
     write_deliveries(part / "deliveries.csv", deliveries)
     bus.unlink()
     part.rename(made)

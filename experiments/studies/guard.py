@@ -17,13 +17,13 @@ from mcap.reader import make_reader
 from experiments.estimation.estimators import GICP, KISS, LIDAR_INERTIAL, Estimator, run_estimator
 from experiments.estimation.evaluation import Evaluation, write_rows
 from experiments.experiment import ExperimentOptions, record_setup
-from experiments.recording.faults import CLOUD, FAULTS, IMU, BagFault, with_fault
+from experiments.recording.faults import CLOUD, FAULTS, IMU, TF, BagFault, with_fault
 from experiments.recording.recordings import RecordedRun
 from experiments.recording.setups import Setup
-from experiments.recording.truth import frames_of
 from groundlink.core.errors import UserError
 from groundlink.messages.base import POINT
-from groundlink.ros.types import STORE, nanos, xyz
+from groundlink.ros.streams import TF_STATIC_TOPIC
+from groundlink.ros.types import STORE, nanos, xyz, xyzw
 from groundlink.scene.build import solids
 
 from .direct import CheckedQuantity, LidarSweep, imu_quantities, scan_quantities
@@ -139,10 +139,25 @@ def is_worse(error_m: float, usual_m: float) -> bool:
     return error_m > WORSE * usual_m and error_m > usual_m + WORSE_M
 
 
+def published_mounts(bag: Path) -> dict[str, tuple[float, ...]]:
+    """Return base_from_frame of each sensor's frame as a bag has it: x, y, z, qx, qy, qz, qw.
+
+    A fault of the bag may have moved them from `Dataset.mount`.
+    """
+    found: dict[str, tuple[float, ...]] = {}
+    with bag.open("rb") as stream:
+        for _, _, message in make_reader(stream).iter_messages([TF_STATIC_TOPIC]):
+            tree: Any = STORE.deserialize_cdr(message.data, TF)
+            for link in tree.transforms:
+                at = link.transform
+                found[link.child_frame_id] = (*xyz(at.translation), *xyzw(at.rotation))
+    return found
+
+
 def direct(recording: RecordedRun, bag: Path | None = None) -> list[CheckedQuantity]:
     """Return what the direct tests say of a recording's bag, or of another one of the same run."""
     bag = bag or recording.bag
-    base, frames = recording.truth(), frames_of(bag)
+    base, frames = recording.truth(), published_mounts(bag)
     sweeps = []
     stamps, rates, forces = [], [], []
     with bag.open("rb") as stream:

@@ -19,7 +19,7 @@ from groundlink.ros.types import STORE, nanos
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Vehicle
 
-from .ros_arrays import POSES, columns, content, row, table
+from .ros_arrays import POSES, columns, content, record_array
 from .trajectory import Trajectory
 
 _BATCH = 1000
@@ -187,10 +187,10 @@ class Dataset:
         ros_type = self.ros_type(topic)
         if ros_type not in POSES:
             raise UserError(f"{topic} has {ros_type}; expected poses: {', '.join(sorted(POSES))}")
-        records = self.array(topic, start_s=start_s, end_s=end_s)
+        found = self.array(topic, start_s=start_s, end_s=end_s)
         field = POSES[ros_type]
         return Trajectory(
-            records["stamp"] / NANOS, records[f"{field}.position"], records[f"{field}.orientation"]
+            found["stamp"] / NANOS, found[f"{field}.position"], found[f"{field}.orientation"]
         )
 
     def truth(self, vehicle: str | None = None, frame: str | None = None) -> Trajectory:
@@ -302,11 +302,8 @@ class Dataset:
                     f"{topic} has {sample.__msgtype__}, an array in each message. "
                     "Fix: use `contents`"
                 )
-            rows = [{"stamp": np.asarray(time)} | dict(row(message)) for time, message in batch]
             try:
-                batches.append(table(rows))
-                if batches[-1].dtype != batches[0].dtype:
-                    raise ValueError
+                batches.append(record_array(batch, batches[0].dtype if batches else None))
             except ValueError:
                 raise UserError(
                     f"{topic}: the lists in {sample.__msgtype__} differ in length. "

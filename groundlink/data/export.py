@@ -32,7 +32,7 @@ from .formats import (
     write_times,
     write_velodyne,
 )
-from .ros_arrays import CLOUDS, IMAGES, POSES, columns, content, row, table
+from .ros_arrays import CLOUDS, IMAGES, POSES, columns, content, record_array
 from .trajectory import Trajectory, write_tum
 
 _BATCH = 250
@@ -266,8 +266,7 @@ class _Records(_Output):
 
     def __init__(self, dataset: Dataset, topic: str, stem: Path) -> None:
         super().__init__(dataset, topic, stem)
-        self._rows: list[dict[str, NDArray[Any]]] = []
-        self._sample: Any = None
+        self._batch: list[tuple[int, Any]] = []
         self._record: np.dtype[np.void] | None = None
 
     @staticmethod
@@ -275,28 +274,25 @@ class _Records(_Output):
         return ros_type not in CLOUDS and ros_type not in IMAGES
 
     def add(self, time_nanos: int, message: Any) -> None:
-        fields = {"stamp": np.asarray(time_nanos)} | dict(row(message))
-        if fields.keys() == {"stamp"}:
-            raise _Unsuitable("text or lists of messages")
-        self._rows.append(fields)
-        self._sample = message
+        self._batch.append((time_nanos, message))
         self.messages += 1
-        if len(self._rows) == _BATCH:
+        if len(self._batch) == _BATCH:
             self._flush()
 
     def close(self) -> None:
-        if self._rows:
+        if self._batch:
             self._flush()
 
     def _flush(self) -> None:
         try:
-            records = table(self._rows)
+            found = record_array(self._batch, self._record)
         except ValueError:
             raise _Unsuitable("lists that differ in length") from None
-        if self._record not in (None, records.dtype):
-            raise _Unsuitable("lists that differ in length")
-        self._record, self._rows = records.dtype, []
-        self.append(columns(records, self._sample))
+        if found.dtype.names == ("stamp",):
+            raise _Unsuitable("text or lists of messages")
+        sample = self._batch[-1][1]
+        self._record, self._batch = found.dtype, []
+        self.append(columns(found, sample))
 
     @abstractmethod
     def append(self, columns: Mapping[str, NDArray[Any]]) -> None:

@@ -42,6 +42,25 @@ def row(message: Any, prefix: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
             yield from row(value, f"{name}.")
 
 
+def record_array(
+    messages: Sequence[tuple[int, Any]], like: np.dtype[np.void] | None = None
+) -> NDArray[np.void]:
+    """Return messages of one type, each after its time in nanoseconds, as a structured array.
+
+    The field `stamp` is that of the message's header, else its time.
+
+    Raises
+    ------
+    ValueError
+        when a list differs in length between the messages, or from the record `like`.
+    """
+    rows = [{"stamp": np.asarray(time)} | dict(row(message)) for time, message in messages]
+    found = table(rows)
+    if like not in (None, found.dtype):
+        raise ValueError("the lists differ in length from those of earlier messages")
+    return found
+
+
 def table(rows: Sequence[Mapping[str, NDArray[Any]]]) -> NDArray[np.void]:
     """Return the rows of messages of one type as a structured array.
 
