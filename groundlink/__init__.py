@@ -34,8 +34,14 @@ def open(path: str | Path) -> Dataset:
     return Dataset(path)
 
 
-def run(scenario: str | Path, *, mode: Mode = "fast", sensors_together: bool = False) -> SteppedRun:
+def run(
+    scenario: str | Path,
+    *,
+    mode: Mode = "fast",
+    sensors_together: bool = False,
+    record: str | Path | None = None,
+) -> SteppedRun:
     """Start a run that a program steps; see `groundlink.sim.stepped_run.SteppedRun`."""
     from groundlink.sim.stepped_run import SteppedRun
 
-    return SteppedRun(scenario, mode=mode, sensors_together=sensors_together)
+    return SteppedRun(scenario, mode=mode, sensors_together=sensors_together, record=record)

@@ -1,16 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Client of a run's control queryable: send a run command to physics, return its answer."""
 
+import time
+from collections.abc import Iterator
+
 import msgspec
 
 from groundlink.core.errors import UserError
-from groundlink.episode.control import AnyRunCommand, ControlAnswer
+from groundlink.episode.control import AnyRunCommand, ControlAnswer, Restore
 
 from .queries import control_key, journal_key
 from .session import Bus
 
 ANSWER_SECONDS = 7.0
 """Timeout of a query. A busy physics process answers within 6 s."""
+
+POLL_SECONDS = 0.05
+"""Poll period while a command is in progress."""
 
 JOURNAL_SECONDS = 60.0
 """Timeout for a journal: one of a whole day has hundreds of megabytes."""
@@ -43,6 +49,24 @@ def send_command(
 def run_status(bus: Bus, run: str) -> ControlAnswer:
     """Return the state of a run; errors are those of `send_command`."""
     return send_command(bus, run)
+
+
+def restoring(bus: Bus, run: str, content: bytes) -> Iterator[ControlAnswer]:
+    """Restore a saved run from the content of its file; yield the answers of physics until then.
+
+    Raises
+    ------
+    UserError
+        if the file does not fit the run, which is then unchanged, or physics does not answer.
+    """
+    answer = send_command(bus, run, Restore(), content=content)
+    yield answer
+    while answer.restoring_to >= 0:
+        time.sleep(POLL_SECONDS)
+        answer = run_status(bus, run)
+        yield answer
+    if answer.failure:
+        raise UserError(f"run `{run}`: {answer.failure}; the run is unchanged")
 
 
 def fetch_journal(bus: Bus, run: str) -> bytes:

@@ -13,6 +13,20 @@ from pathlib import Path
 from .errors import UserError, os_error_reason
 
 
+def check_new_file(option: str, path: Path) -> None:
+    """Check that a file does not exist and its folder does.
+
+    Raises
+    ------
+    UserError
+        if the file cannot be created.
+    """
+    if path.exists():
+        raise UserError(f"{option} {path}: file exists. Fix: delete it or choose another name")
+    if not path.resolve().parent.is_dir():
+        raise UserError(f"{option} {path}: no such folder: {path.parent}")
+
+
 @contextmanager
 def write_atomically(out: Path) -> Iterator[Path]:
     """Yield a temporary path for a file or folder; rename it to `out` at the end.

@@ -17,6 +17,9 @@ from groundlink.core.fields import Vector3
 from groundlink.core.frames import matrix_from_quaternion, multiply
 from groundlink.importing.file_errors import Warn, ignore_warning
 from groundlink.scenario.schema import Addition, Placement, Scenario, World
+from groundlink.scene.bodies import link_bodies
+from groundlink.scene.build import solids
+from groundlink.scene.spawn_checks import ground_of
 from groundlink.world import actors
 from groundlink.world.solids import Box, Cylinder, Material, Solid
 from groundlink.world.terrain import Ground
@@ -101,6 +104,21 @@ def addition(
     if name is None:
         name = _free(called, taken)
     return name, _placed(_named(more, name), at, ground)
+
+
+def addition_to(
+    scenario: Scenario,
+    given: str,
+    *,
+    at: SpawnPlace,
+    name: str | None,
+    warn: Warn = ignore_warning,
+) -> tuple[str, Addition]:
+    """Return an addition to the scenario of a run, and its name; see `addition`."""
+    names = [vehicle.name for vehicle in scenario.vehicles]
+    names += [solid.name for solid in solids(scenario)]
+    taken = [*link_bodies(scenario), *names]
+    return addition(given, at=at, name=name, taken=taken, ground=ground_of(scenario), warn=warn)
 
 
 def _of(part: Scenario, given: str) -> Addition:

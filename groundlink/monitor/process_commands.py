@@ -4,6 +4,7 @@
 import socket
 
 from groundlink.bus.topics import process_names
+from groundlink.core.extras import check_installed
 from groundlink.scenario import Scenario
 
 SENSORS = "sensors"
@@ -23,6 +24,18 @@ def commands(
         arguments = [file] if name == "physics" else ["--name", name] if "/" in name else []
         found[name] = ["-m", module, *arguments, *joining(run, endpoint)]
     return found
+
+
+def recorder(out: str, run: str, endpoint: str) -> list[str]:
+    """Return the command line of a recorder.
+
+    Raises
+    ------
+    RequirementError
+        if the extra `record` is not installed; otherwise the run would wait for its recorder.
+    """
+    check_installed(("mcap", "rosbags", "zstandard"), "record")
+    return ["-m", "services.recorder", "--out", out, *joining(run, endpoint)]
 
 
 def free_endpoint() -> str:

@@ -131,9 +131,10 @@ class Supervisor:
                 return child.name
         return None
 
-    def stop(self) -> list[str]:
-        """Stop every process; return the names of those that had to be killed."""
-        running = [c for c in self.children.values() if c.process and c.process.poll() is None]
+    def stop(self, names: Collection[str] | None = None) -> list[str]:
+        """Stop the named processes, or all; return the names of those that had to be killed."""
+        chosen = [c for c in self.children.values() if names is None or c.name in names]
+        running = [c for c in chosen if c.process and c.process.poll() is None]
         for child in running:
             assert child.process
             child.process.terminate()
@@ -147,7 +148,7 @@ class Supervisor:
                 child.process.kill()
                 child.process.wait()
                 killed.append(child.name)
-        for child in self.children.values():
+        for child in chosen:
             if child._reader:
                 child._reader.join(0.2)
         return killed

@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from groundlink.bus.topics import sensor_outputs
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.core.frames import matrix_from_quaternion
+from groundlink.loader import load
 from groundlink.messages.imagery import LaserScan
+from groundlink.scenario import Scenario
 
-from .stepped_run import SteppedRun
+from .stepped_run import SteppedRun, as_stepped, check_step
 
 with needs("gym"):
     import gymnasium
@@ -56,7 +59,8 @@ class NavigationEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     Raises
     ------
     UserError
-        when the scenario has no goals, drives by itself, or lacks the vehicle or the scan.
+        before a process starts: when the scenario has no goals, drives by itself, or lacks the
+        vehicle or the scan, or a number is impossible.
     """
 
     def __init__(
@@ -72,13 +76,14 @@ class NavigationEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         speed_mps: float = 1.0,
         turn_radps: float = 1.0,
     ) -> None:
+        given = as_stepped(load(scenario))
+        self._vehicle = _checked_vehicle(given, vehicle, scan)
+        self._scan_stream = "" if scan is None else f"{self._vehicle}/{scan}"
+        self._goals = _checked_goals(given, goals_m)
+        if max_steps < 1 or not reach_m > 0.0:
+            raise UserError(f"max_steps {max_steps}, reach_m {reach_m:g}: expected more than 0")
+        check_step(given, period_s)
         self._sim = SteppedRun(scenario, sensors_together=True)
-        try:
-            self._check(str(scenario), vehicle, scan)
-            self._goals = self._checked_goals(str(scenario), goals_m)
-        except UserError:
-            self._sim.close()
-            raise
         self._period_s, self._max_steps, self._reach_m = period_s, max_steps, reach_m
         self._scale = speed_mps, turn_radps
         self._steps, self._goal, self._distance_m = 0, self._goals[0], 0.0
@@ -123,28 +128,6 @@ class NavigationEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """End the run's processes."""
         self._sim.close()
 
-    def _check(self, scenario: str, vehicle: str | None, scan: str | None) -> None:
-        names = [one.name for one in self._sim.scenario.vehicles]
-        if not names or (vehicle is not None and vehicle not in names):
-            raise UserError(f"{scenario}: no vehicle `{vehicle}`; expected one of {names}")
-        self._vehicle = vehicle or names[0]
-        chosen = self._sim.scenario.vehicles[names.index(self._vehicle)]
-        if chosen.route is not None:
-            raise UserError(f"{scenario}: `{self._vehicle}` drives a route. Fix: delete `route`")
-        self._scan_stream = "" if scan is None else f"{self._vehicle}/{scan}"
-        if scan is not None and self._sim.streams.get(self._scan_stream) is not LaserScan:
-            raise UserError(f"{scenario}: `{self._scan_stream}` is no sensor of kind `lidar_2d`")
-
-    def _checked_goals(
-        self, scenario: str, goals_m: Sequence[tuple[float, float]] | None
-    ) -> NDArray[np.float64]:
-        found = goals_m or list(self._sim.scenario.world.checkpoints.values())
-        if not found:
-            raise UserError(
-                f"{scenario}: no goals. Fix: pass `goals_m`, or add `checkpoints` to its world"
-            )
-        return np.array(found, np.float64).reshape(-1, 2)
-
     def _observe(self) -> Observation:
         truth = self._sim.latest(f"{self._vehicle}/ground_truth")
         base_from_world = matrix_from_quaternion(truth.orientation).T
@@ -165,3 +148,35 @@ class NavigationEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return np.clip(np.nan_to_num(ranges, nan=scan.max_range_m), 0.0, scan.max_range_m).astype(
             np.float32
         )
+
+
+def _checked_vehicle(scenario: Scenario, vehicle: str | None, scan: str | None) -> str:
+    """Return the name of the vehicle that drives."""
+    names = [one.name for one in scenario.vehicles]
+    if not names or (vehicle is not None and vehicle not in names):
+        raise UserError(f"{scenario.name}: no vehicle `{vehicle}`; expected one of {names}")
+    chosen = scenario.vehicles[names.index(vehicle) if vehicle else 0]
+    if chosen.route is not None:
+        raise UserError(f"{scenario.name}: `{chosen.name}` drives a route. Fix: delete `route`")
+    if scan is not None:
+        found = scenario.sensor(f"{chosen.name}/{scan}")
+        outputs = sensor_outputs(found[1]) if found else []
+        if not any(output.row.message is LaserScan for output in outputs if not output.name):
+            raise UserError(
+                f"{scenario.name}: `{chosen.name}/{scan}` is no sensor of kind `lidar_2d`"
+            )
+    return chosen.name
+
+
+def _checked_goals(
+    scenario: Scenario, goals_m: Sequence[tuple[float, float]] | None
+) -> NDArray[np.float64]:
+    """Return the goals, shape (N, 2)."""
+    found = goals_m or list(scenario.world.checkpoints.values())
+    if not found:
+        raise UserError(
+            f"{scenario.name}: no goals. Fix: pass `goals_m`, or add `checkpoints` to its world"
+        )
+    if any(len(goal) != 2 or not np.isfinite(goal).all() for goal in found):
+        raise UserError(f"goals_m: expected pairs of x and y in meters, got {found}")
+    return np.array(found, np.float64)

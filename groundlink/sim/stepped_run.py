@@ -6,36 +6,50 @@ until the program acknowledges it, so a command acts in the next tick, on every 
 """
 
 import os
+import threading
 import time
+import warnings
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from math import inf
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal
 
 from msgspec.structs import replace
 
-from groundlink.bus.control_client import fetch_journal, send_command
-from groundlink.bus.core_topics import ACK, CLOCK, COMMAND, GATEWAY, HEALTH, PHYSICS, ROOT
+from groundlink.bus.control_client import fetch_journal, restoring, run_status, send_command
+from groundlink.bus.core_topics import ACK, CLOCK, COMMAND, GATEWAY, HEALTH, PHYSICS, RECORDER, ROOT
+from groundlink.bus.fault_client import send_fault
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import GROUND_TRUTH, sensor_outputs
+from groundlink.core.atomic_file import check_new_file
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS
 from groundlink.core.errors import RunFailed, UserError
 from groundlink.episode import journal
-from groundlink.episode.control import Remove, Reset
+from groundlink.episode.control import Remove, Reset, Spawn
 from groundlink.loader import load
+from groundlink.loader.additions import SpawnPlace, addition_to
 from groundlink.messages.base import Ack, BusMessage, Clock, Command
-from groundlink.monitor.process_commands import commands, free_endpoint
+from groundlink.monitor import process_commands
 from groundlink.monitor.supervisor import Supervisor
+from groundlink.process.joining import join
 from groundlink.scenario import Scenario
+from groundlink.scenario.faults import Fault
 
 START_SECONDS = 60.0
 """Timeout for the start of all processes: cameras compile shaders."""
 
 STEP_SECONDS = 60.0
 """Timeout for one period of the clock."""
+
+RESTORED_SECONDS = 5.0
+"""Sim time that a start from a saved run restores in a second at least."""
+
+RECORDER_SECONDS = 5.0
+"""Timeout for the recorder to take the last messages."""
 
 LINES_KEPT = 20
 INBOX_DEPTH = 1 << 16
@@ -53,11 +67,14 @@ class SteppedRun:
     Parameters
     ----------
     scenario
-        scenario file, or name of a shipped scenario.
+        scenario file, name of a shipped scenario, or a saved run to continue.
     mode
         `fast`: as fast as possible. `lockstep`: no faster than the scenario's `time.factor`.
     sensors_together
         run all sensors in one process: less overhead, but they wait for each other.
+    record
+        also record the run to this MCAP file, which `close` completes. After a reset or a restore
+        another file follows, such as `run_2.mcap`. The same steps give the same file.
 
     Raises
     ------
@@ -66,35 +83,34 @@ class SteppedRun:
     """
 
     def __init__(
-        self, scenario: str | Path, *, mode: Mode = "fast", sensors_together: bool = False
+        self,
+        scenario: str | Path,
+        *,
+        mode: Mode = "fast",
+        sensors_together: bool = False,
+        record: str | Path | None = None,
     ) -> None:
-        given = load(scenario)
-        self.scenario: Scenario = replace(
-            given, time=replace(given.time, mode=mode, lockstep="ros")
-        )
+        saved = None
+        if journal.is_saved_run(Path(scenario)):
+            saved = journal.loaded(journal.read(Path(scenario)), str(scenario))
+        given = load(scenario) if saved is None else saved.remaining_scenario()
+        self.scenario = as_stepped(given, mode)
+        """The scenario at present, with what was spawned and without what was removed."""
+
         self.name = f"{given.name}_{os.getpid()}"
         """Name of the run, for other commands: `--run`."""
 
-        self.endpoint = free_endpoint()
+        self.endpoint = process_commands.free_endpoint()
         """Endpoint of its router: `--connect`."""
 
         self._episode, self._tick, self._epoch_nanos = -1, -1, 0
         self._latest: dict[str, BusMessage] = {}
         self._acknowledged: dict[str, tuple[int, int]] = {}
         self._commanded: dict[str, int] = {}
-        self._sensors = self.scenario.sensor_names()
-        self._types: dict[str, type[BusMessage]] = dict(self._rows())
-        prefix = f"{ROOT}/{self.name}/"
-        self.streams: Mapping[str, type[BusMessage]] = {
-            key.removeprefix(prefix): message
-            for key, message in self._types.items()
-            if message not in (Ack, Clock)
-        }
-        """Type of the messages of each stream that `latest` knows."""
-
+        self._publishers: dict[str, Callable[[BusMessage], bytes]] = {}
         self._inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_DEPTH)
         self._lines: deque[str] = deque(maxlen=LINES_KEPT)
-        processes = commands(
+        processes = process_commands.commands(
             self.scenario,
             str(scenario),
             self.name,
@@ -103,22 +119,28 @@ class SteppedRun:
         )
         del processes[GATEWAY]
         processes[PHYSICS] += ["--mode", mode, "--lockstep", "ros"]
+        if record is not None:
+            check_new_file("record", Path(record))
+            recorder = process_commands.recorder(str(record), self.name, self.endpoint)
+            processes[RECORDER] = [*recorder, "--ordered"]
+            processes[PHYSICS] += ["--wait-for", RECORDER]
         self._supervisor = Supervisor(processes, self._log)
         with ExitStack() as opened:
             self._bus = opened.enter_context(Bus(listen=self.endpoint))
+            self._adopt(self.scenario)
             self._bus.subscribe_in_order(f"{ROOT}/{self.name}/**", self._type_of, self._inbox)
             self._bus.announce(HEALTH.key_in(self.name, process=GATEWAY))
             acknowledge = ACK.key_in(self.name, process=GATEWAY)
             self._acknowledge = self._bus.publisher(acknowledge, ACK.delivery)
-            self._publishers = {
-                vehicle.name: self._bus.publisher(
-                    COMMAND.key_in(self.name, vehicle=vehicle.name), COMMAND.delivery
-                )
-                for vehicle in self.scenario.vehicles
-            }
             opened.callback(self._supervisor.stop)
             self._supervisor.start()
-            self._wait(0, START_SECONDS)
+            if saved is None:
+                self._wait(0, START_SECONDS)
+            else:
+                restoring_s = saved.tick * TICK_SECONDS / RESTORED_SECONDS
+                self._wait_restored(saved, START_SECONDS + restoring_s)
+            if record is not None:
+                opened.callback(self._end_recording)
             self._opened = opened.pop_all()
 
     def __enter__(self) -> "SteppedRun":
@@ -145,7 +167,7 @@ class SteppedRun:
     @property
     def time_s(self) -> float:
         """Sim time in seconds."""
-        return self._tick * TICK_SECONDS
+        return self._tick / TICK_RATE_HZ
 
     @property
     def step_s(self) -> float:
@@ -158,7 +180,8 @@ class SteppedRun:
         Parameters
         ----------
         seconds
-            multiple of `step_s`; one `step_s` if None.
+            multiple of `step_s`; one `step_s` if None. Where a restored run is between two steps,
+            the first one is shorter.
 
         Raises
         ------
@@ -166,18 +189,13 @@ class SteppedRun:
             when `seconds` is no multiple, or a process of the run ended.
         """
         period = self.scenario.time.ack_ticks
-        ticks = period if seconds is None else seconds * TICK_RATE_HZ
-        if ticks < period or abs(ticks / period - round(ticks / period)) > 1e-6:
-            raise UserError(
-                f"step: {seconds:g} s is no multiple of {self.step_s:g} s. Fix: choose one, or set "
-                "`time.clock_rate_hz` of the scenario"
-            )
-        end = self._tick + round(ticks)
+        ticks = period if seconds is None else check_step(self.scenario, seconds)
+        end = self._last_barrier(self._tick) + ticks
         while self._tick < end:
             self._acknowledge(
                 Ack(self._episode, self._tick, self._tick, commanded=dict(self._commanded))
             )
-            self._wait(self._tick + period, STEP_SECONDS)
+            self._wait(self._last_barrier(self._tick) + period, STEP_SECONDS)
 
     def command(self, vehicle: str, linear_mps: float, angular_radps: float) -> None:
         """Command the velocity of a vehicle: forward and about z. It acts in the next tick.
@@ -219,20 +237,164 @@ class SteppedRun:
         send_command(self._bus, self.name, Reset())
         self._wait(0, START_SECONDS, after_episode=before)
 
+    def spawn(
+        self,
+        what: str | Path,
+        *,
+        x_m: float,
+        y_m: float,
+        z_m: float = 0.0,
+        yaw_deg: float = 0.0,
+        name: str | None = None,
+    ) -> str:
+        """Add a vehicle or an obstacle from the next tick on; return its name.
+
+        A spawned vehicle takes commands and has a ground truth, but no sensors. A reset keeps it.
+
+        Parameters
+        ----------
+        what
+            file of a vehicle, file of a world with solids or actors, name of a shipped vehicle, or
+            `box`, `barrel`, `person` or `crate`.
+        x_m, y_m, z_m
+            position of its origin in the world; z above the ground.
+        yaw_deg
+            heading, counterclockwise from x.
+        name
+            name in the run; derived from `what` if None.
+
+        Raises
+        ------
+        UserError
+            when there is no such thing, the name is taken, or the place is occupied.
+        """
+        place = SpawnPlace(x_m, y_m, z_m, yaw_deg)
+        called, more = addition_to(self.scenario, str(what), at=place, name=name)
+        send_command(self._bus, self.name, Spawn(more))
+        self._adopt(self._present())
+        return called
+
     def remove(self, name: str) -> None:
-        """Remove a vehicle, an actor or a solid."""
+        """Remove a vehicle, an actor or a solid from the next tick on. A reset keeps it removed.
+
+        Raises
+        ------
+        UserError
+            when there is no such thing, or it is part of the world or the only vehicle.
+        """
         send_command(self._bus, self.name, Remove(name))
+        self._adopt(self._present())
+
+    def fault(self, sensor: str, fault: Fault) -> tuple[Fault, ...]:
+        """Inject a fault into a sensor from the next tick on; return all its active faults.
+
+        Parameters
+        ----------
+        sensor
+            such as `rover/imu`.
+        fault
+            an object of `groundlink.scenario.faults`, such as `Stuck(for_s=2.0)`. Its `at_s` is
+            ignored.
+
+        Raises
+        ------
+        UserError
+            when there is no such sensor, or it cannot have the fault.
+        """
+        return send_fault(self._bus, self.name, self.scenario, sensor, fault).active
+
+    def clear_faults(self, sensor: str) -> None:
+        """End all faults of a sensor from the next tick on.
+
+        Raises
+        ------
+        UserError
+            when there is no such sensor.
+        """
+        send_fault(self._bus, self.name, self.scenario, sensor, None)
 
     def save(self, file: str | Path) -> None:
-        """Write the state of the run to a file that `groundlink up` continues."""
+        """Write the state of the run to a file, for `restore`, `run` or `groundlink up`.
+
+        Raises
+        ------
+        UserError
+            when the file cannot be written.
+        """
         content = fetch_journal(self._bus, self.name)
         journal.loaded(content, f"run `{self.name}`")
         journal.write(Path(file), content)
 
+    def restore(self, file: str | Path) -> None:
+        """Continue from a saved state of this run, or of one with the same sensors and seed.
+
+        Readings from before the saved state are not in `latest`.
+
+        Raises
+        ------
+        UserError
+            when the file is no saved run, or does not fit this run, which is then unchanged.
+        """
+        content = journal.read(Path(file))
+        saved = journal.loaded(content, str(file))
+        before = self._episode
+        for _ in restoring(self._bus, self.name, content):
+            pass
+        self._wait_restored(saved, START_SECONDS, after_episode=before)
+
+    def _present(self) -> Scenario:
+        """Return the scenario that physics simulates now."""
+        return join(self._bus, self.name, threading.Event())[1]
+
+    def _adopt(self, scenario: Scenario) -> None:
+        """Take the messages of a scenario's sensors and vehicles, and command those vehicles."""
+        self.scenario = scenario
+        self._sensors = scenario.sensor_names()
+        self._types: dict[str, type[BusMessage]] = dict(self._rows())
+        prefix = f"{ROOT}/{self.name}/"
+        self.streams: Mapping[str, type[BusMessage]] = {
+            key.removeprefix(prefix): message
+            for key, message in self._types.items()
+            if message not in (Ack, Clock)
+        }
+        """Type of the messages of each stream that `latest` knows."""
+
+        self._publishers = {
+            vehicle.name: self._publishers.get(vehicle.name) or self._publisher(vehicle.name)
+            for vehicle in scenario.vehicles
+        }
+
+    def _publisher(self, vehicle: str) -> Callable[[BusMessage], bytes]:
+        """Return the publisher of a vehicle's commands."""
+        return self._bus.publisher(COMMAND.key_in(self.name, vehicle=vehicle), COMMAND.delivery)
+
+    def _wait_restored(
+        self, saved: journal.Journal, seconds: float, *, after_episode: int = -1
+    ) -> None:
+        """Wait until the run is at the tick of a saved one; adopt its scenario."""
+        self._wait(self._last_barrier(saved.tick), seconds, after_episode=after_episode)
+        self._adopt(self._present())
+        if warning := run_status(self._bus, self.name).warning:
+            warnings.warn(warning, stacklevel=3)
+
+    def _last_barrier(self, tick: int) -> int:
+        """Return the last tick up to this one at which physics waits for the program."""
+        period = self.scenario.time.ack_ticks
+        return tick // period * period
+
+    def _end_recording(self) -> None:
+        """Let the recorder take all messages and complete its file while physics is running."""
+        deadline = time.monotonic() + RECORDER_SECONDS
+        wanted = self._episode, self._tick
+        while self._acknowledged.get(RECORDER, (-1, -1)) < wanted and time.monotonic() < deadline:
+            if arrived := self._inbox.get(seconds=0.05):
+                self._take(*arrived)
+        self._supervisor.stop([RECORDER])
+
     def _rows(self) -> Any:
         """Yield key and type of each message that the program takes."""
         yield CLOCK.key_in(self.name), CLOCK.message
-        for name in self._sensors:
+        for name in (*self._sensors, RECORDER):
             yield ACK.key_in(self.name, process=name), ACK.message
         for vehicle in self.scenario.vehicles:
             yield GROUND_TRUTH.key_in(self.name, vehicle=vehicle.name), GROUND_TRUTH.message
@@ -255,12 +417,11 @@ class SteppedRun:
         UserError
             when a process ended, or after `seconds`.
         """
-        prefix = f"{ROOT}/{self.name}/"
         deadline = time.monotonic() + seconds
         while not self._has_reached(tick, after_episode):
             arrived = self._inbox.get(seconds=0.05)
             if arrived is not None:
-                self._take(arrived[0].removeprefix(prefix), arrived[1])
+                self._take(*arrived)
                 continue
             if failed := self._supervisor.poll():
                 raise RunFailed(f"{failed} ended the run: {' | '.join(self._lines)}")
@@ -280,6 +441,7 @@ class SteppedRun:
         return [n for n in self._sensors if reached.get(n, (-1, -1)) < wanted]
 
     def _take(self, key: str, message: BusMessage) -> None:
+        key = key.removeprefix(f"{ROOT}/{self.name}/")
         if isinstance(message, Clock):
             if message.episode != self._episode:
                 self._latest.clear()
@@ -290,3 +452,26 @@ class SteppedRun:
             self._acknowledged[key.removeprefix("ack/")] = message.episode, message.tick
         else:
             self._latest[key] = message
+
+
+def as_stepped(scenario: Scenario, mode: Mode = "fast") -> Scenario:
+    """Return a scenario whose sim time a program advances."""
+    return replace(scenario, time=replace(scenario.time, mode=mode, lockstep="ros"))
+
+
+def check_step(scenario: Scenario, seconds: float) -> int:
+    """Return the ticks of a step.
+
+    Raises
+    ------
+    UserError
+        when it is no multiple of the period of the scenario's clock.
+    """
+    period = scenario.time.ack_ticks
+    ticks = seconds * TICK_RATE_HZ
+    if not period <= ticks < inf or abs(ticks / period - round(ticks / period)) > 1e-6:
+        raise UserError(
+            f"step: {seconds:g} s is no multiple of {period * TICK_SECONDS:g} s. Fix: choose one, "
+            "or set `time.clock_rate_hz` of the scenario"
+        )
+    return round(ticks)

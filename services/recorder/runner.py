@@ -91,10 +91,12 @@ class BusRecorder:
         self._backoff = Backoff(time.monotonic())
 
     def record(self, stop: threading.Event) -> None:
-        """Record until `stop` is set or the duration is over."""
+        """Record until `stop` is set or the duration is over; the inbox is then empty."""
         next_commit = 0.0
+        is_stopped = False
         try:
-            while not stop.wait(REST_SECONDS) and not self._recorder.is_complete:
+            while not is_stopped and not self._recorder.is_complete:
+                is_stopped = stop.wait(REST_SECONDS)
                 while len(self._inbox) and not self._recorder.is_complete:
                     if (arrived := self._inbox.get(seconds=0)) is None:
                         break

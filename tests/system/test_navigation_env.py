@@ -11,6 +11,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import SyncVectorEnv
 
 from groundlink.core.errors import UserError
+from groundlink.sim import navigation_env
 from groundlink.sim.navigation_env import NavigationEnv
 
 from .rig import REPOSITORY
@@ -92,19 +93,36 @@ def test_several_run_side_by_side(tmp_path: Path) -> None:
         envs.close()
 
 
+@pytest.fixture
+def _no_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fail if a run is started."""
+    monkeypatch.setattr(navigation_env, "SteppedRun", None)
+
+
+@pytest.mark.usefixtures("_no_process")
 @pytest.mark.parametrize(
     ("changes", "problem"),
     [
-        ({}, "no goals. Fix: pass `goals_m`"),
-        ({"goals_m": GOALS, "vehicle": "car"}, "no vehicle `car`; expected one of"),
-        ({"goals_m": GOALS, "scan": "imu"}, "`rover/imu` is no sensor of kind `lidar_2d`"),
+        ({"goals_m": None}, "no goals. Fix: pass `goals_m`"),
+        ({"goals_m": [(1.0, 2.0, 3.0)]}, "goals_m: expected pairs of x and y in meters"),
+        ({"goals_m": [(1.0, float("nan"))]}, "goals_m: expected pairs of x and y in meters"),
+        ({"vehicle": "car"}, "no vehicle `car`; expected one of"),
+        ({"scan": "imu"}, "`rover/imu` is no sensor of kind `lidar_2d`"),
+        ({"scan": "radar"}, "`rover/radar` is no sensor of kind `lidar_2d`"),
+        ({"period_s": 0.013}, r"step: 0\.013 s is no multiple of 0\.01 s"),
+        ({"period_s": float("inf")}, "step: inf s is no multiple"),
+        ({"max_steps": 0}, "max_steps 0, reach_m 0.5: expected more than 0"),
+        ({"reach_m": float("nan")}, "reach_m nan: expected more than 0"),
     ],
 )
-def test_mistakes_are_named(tmp_path: Path, changes: dict[str, Any], problem: str) -> None:
+def test_mistakes_are_named_before_a_process_starts(
+    tmp_path: Path, changes: dict[str, Any], problem: str
+) -> None:
     with pytest.raises(UserError, match=problem):
-        NavigationEnv(scenario(tmp_path), **changes)
+        NavigationEnv(scenario(tmp_path), **({"goals_m": GOALS} | changes))
 
 
+@pytest.mark.usefixtures("_no_process")
 def test_vehicle_with_a_route_is_refused() -> None:
     with pytest.raises(UserError, match=r"drives a route\. Fix: delete `route`"):
         NavigationEnv("indoor_2d", goals_m=GOALS)

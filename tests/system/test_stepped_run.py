@@ -8,11 +8,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import groundlink
+from groundlink.core.clock import TICK_RATE_HZ
 from groundlink.core.errors import RunFailed, UserError
+from groundlink.episode.journal import dumped, loaded
 from groundlink.messages.base import Imu, PointCloud
+from groundlink.scenario.faults import Bias, OccludedSector, Off, Stuck
 from groundlink.sim.stepped_run import SteppedRun
 
 from .rig import REPOSITORY, rig
@@ -73,7 +78,7 @@ def test_sensors_in_one_process_give_the_same(sim: SteppedRun, tmp_path: Path) -
         assert drive(other) == expected
 
 
-def test_other_commands_join_the_run(sim: SteppedRun, tmp_path: Path) -> None:
+def test_other_commands_join_the_run(sim: SteppedRun) -> None:
     sim.reset()
     where = ("--run", sim.name, "--connect", sim.endpoint)
     words = ("-m", "groundlink", "fault", "rover/imu", "stuck", *where)
@@ -83,8 +88,121 @@ def test_other_commands_join_the_run(sim: SteppedRun, tmp_path: Path) -> None:
     sim.command("rover", 1.0, 0.0)
     sim.step(0.1)
     assert sim.latest("rover/imu").linear_acceleration_mps2 == before
-    sim.save(tmp_path / "half.run")
-    assert (tmp_path / "half.run").stat().st_size > 1000
+
+
+def test_faults_begin_and_end_between_two_steps(sim: SteppedRun) -> None:
+    sim.reset()
+    sim.step(0.1)
+    imu = sim.latest("rover/imu")
+    (stuck,) = sim.fault("rover/imu", Stuck(for_s=5.0))
+    assert isinstance(stuck, Stuck)
+    assert stuck.begin_tick == round(sim.time_s * TICK_RATE_HZ) + 1
+    assert len(sim.fault("rover/imu", Bias(value=1.0))) == 2
+    sim.fault("rover/lidar", Off())
+    sim.command("rover", 1.0, 0.0)
+    sim.step(0.1)
+    cloud = sim.latest("rover/lidar")  # its revolution began before the fault
+    sim.step(0.1)
+    assert sim.latest("rover/lidar") == cloud
+    biased = np.array(sim.latest("rover/imu").linear_acceleration_mps2)
+    np.testing.assert_allclose(biased - imu.linear_acceleration_mps2, 1.0, atol=0.1)
+    sim.step(0.1)
+    assert sim.latest("rover/imu").linear_acceleration_mps2 == tuple(biased)
+    for sensor in ("rover/imu", "rover/lidar"):
+        sim.clear_faults(sensor)
+    sim.step(0.2)
+    assert sim.latest("rover/imu").linear_acceleration_mps2 != tuple(biased)
+    assert sim.latest("rover/lidar") != cloud
+    with pytest.raises(UserError, match="has no sensor `rover/imo`; did you mean `rover/imu`"):
+        sim.fault("rover/imo", Off())
+    with pytest.raises(UserError, match="rover/imu: `kind`: nothing can cover a sector"):
+        sim.fault("rover/imu", OccludedSector(from_deg=0.0, to_deg=9.0))
+
+
+def test_a_spawned_vehicle_drives_until_it_is_removed(sim: SteppedRun) -> None:
+    sim.reset()
+    before = dict(sim.streams)
+    assert sim.spawn("rover", x_m=0.0, y_m=-1.0, yaw_deg=90.0, name="second") == "second"
+    assert sim.spawn("box", x_m=-3.0, y_m=0.0) == "box"
+    with pytest.raises(UserError, match="`crate` would be inside `box`"):
+        sim.spawn("crate", x_m=-3.0, y_m=0.0)
+    assert sim.latest("second/ground_truth") is None
+    sim.step(0.1)
+    sim.command("second", 0.5, 0.0)
+    sim.step(0.4)
+    (x_m, y_m, _), speed = (
+        getattr(sim.latest("second/ground_truth"), name) for name in ("position_m", "linear_mps")
+    )
+    assert (x_m, y_m) == pytest.approx((0.0, -0.85), abs=0.06)
+    assert speed[0] == pytest.approx(0.5, abs=0.05)
+    for name in ("second", "box"):
+        sim.remove(name)
+    sim.step(0.1)
+    assert sim.streams == before
+    with pytest.raises(UserError, match="no vehicle `second`; expected one of rover"):
+        sim.command("second", 0.0, 0.0)
+
+
+ONE_OF_TWO = """
+  - name: {0}
+    model: rover
+    placement: {{x_m: -4.6, y_m: {1}}}
+    sensors:
+      - {{kind: imu, datasheet: imu_mti1, name: imu, topic: /{0}/imu, frame: imu, mount: imu}}
+    namespace: /{0}
+    frame_prefix: {0}/
+    command_topic: /{0}/cmd_vel
+"""
+
+
+def test_a_saved_state_is_restored_and_recorded(tmp_path: Path) -> None:
+    scenario, saved = tmp_path / "two.yaml", tmp_path / "half_way.run"
+    vehicles = [ONE_OF_TWO.format(name, y_m) for name, y_m in (("one", 0.0), ("two", -1.5))]
+    scenario.write_text("name: two\nworld: lab\nvehicles:\n" + "".join(vehicles), "utf-8")
+
+    def drive_on(sim: SteppedRun) -> list[Any]:
+        sim.command("two", 0.8, 0.4)
+        sim.step(0.4)
+        return [sim.latest(stream) for stream in sim.streams]
+
+    recording = tmp_path / "run.mcap"
+    with groundlink.run(scenario, sensors_together=True, record=recording) as sim:
+        sim.command("two", 0.5, 0.0)
+        sim.step(0.5)
+        sim.save(saved)
+        expected = drive_on(sim)
+        sim.restore(saved)
+        assert sim.time_s == 0.5
+        assert sim.latest("two/imu") is None
+        assert drive_on(sim) == expected
+        sim.remove("two")
+        sim.step(0.1)
+        assert set(sim.streams) == {"one/imu", "one/ground_truth"}
+    imu = expected[[*sim.streams].index("one/imu")]
+    with groundlink.open(recording) as run:
+        recorded = run.array("/one/imu")
+        assert recorded["stamp"][-1] == imu.stamp_nanos
+        assert recorded["linear_acceleration"][-1].tolist() == list(imu.linear_acceleration_mps2)
+        assert len(recorded) == round(0.9 * 400) - 1
+    with groundlink.open(tmp_path / "run_2.mcap") as run:
+        last_s = run.poses("/one/ground_truth/odom").seconds[-1] - run.start_nanos / 1e9
+        assert last_s == pytest.approx(1.0, abs=0.02)
+
+    between = tmp_path / "between.run"
+    journal = loaded(saved.read_bytes(), "saved")
+    between.write_bytes(dumped(replace(journal, tick=journal.tick + 1)))
+    with pytest.raises(UserError, match=r"run\.mcap: file exists"):
+        groundlink.run(saved, record=recording)
+    with groundlink.run(saved, sensors_together=True) as again:
+        assert again.time_s == 0.5
+        assert drive_on(again) == expected
+        with pytest.warns(UserWarning, match="differs from the saved one"):
+            again.restore(between)
+        assert again.time_s == 0.5025
+        again.step()
+        assert again.time_s == 0.51
+        with pytest.raises(UserError, match="not a saved run"):
+            again.restore(scenario)
 
 
 def printed_by_guide(name: str, folder: Path) -> list[str]:

@@ -5,10 +5,9 @@ import argparse
 from pathlib import Path
 
 from groundlink.cli import Subparsers
-from groundlink.cli.run import running
 from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.cli.terminal.progress import tracked
-from groundlink.core.atomic_file import write_atomically
+from groundlink.core.atomic_file import check_new_file, write_atomically
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 
@@ -31,7 +30,7 @@ def convert(options: argparse.Namespace) -> int:
     out = Path(options.bag)
     if out.suffix != ".bag":
         raise UserError(f"{out}: expected a file name that ends in .bag")
-    running.check_new_file("RUN.bag:", out)
+    check_new_file("RUN.bag:", out)
     with Recording(Path(options.recording)) as recording:
         messages = tracked(recording.read(), f"writing {out.name}", recording.messages)
         with write_atomically(out) as part:

@@ -7,8 +7,7 @@ from pathlib import Path
 import msgspec
 
 from groundlink.cli import Subparsers
-from groundlink.cli.run.running import check_new_file
-from groundlink.core.atomic_file import write_atomically
+from groundlink.core.atomic_file import check_new_file, write_atomically
 from groundlink.core.errors import UserError
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.every_sensor import Name

@@ -15,9 +15,8 @@ from typing import Any, TypeVar
 import msgspec
 
 from groundlink.cli import Subparsers
-from groundlink.cli.run.running import check_new_file
 from groundlink.cli.terminal.progress import progress
-from groundlink.core.atomic_file import write_atomically
+from groundlink.core.atomic_file import check_new_file, write_atomically
 from groundlink.core.errors import UserError
 from groundlink.importing import heightmaps, mesh_files, world_files
 from groundlink.importing.mesh_specs import MeshFile

@@ -5,7 +5,7 @@ import argparse
 import sys
 import time
 
-from groundlink.bus.control_client import run_status, send_command
+from groundlink.bus.control_client import POLL_SECONDS, run_status, send_command
 from groundlink.bus.core_topics import HEALTH, PHYSICS
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
@@ -19,9 +19,6 @@ from groundlink.messages.stalls import Stalls
 from groundlink.process import runner as process
 
 from .connection import at_tick, joined, tick_text
-
-POLL_SECONDS = 0.05
-"""Poll period while a command is in progress."""
 
 COMMANDS: dict[str, tuple[type[AnyRunCommand], str]] = {
     "pause": (Pause, "pause the sim time of a run"),

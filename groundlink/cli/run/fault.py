@@ -11,6 +11,7 @@ from typing import Any
 
 import msgspec
 
+from groundlink.bus.fault_client import ANSWER_SECONDS, read_answer, send_fault
 from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
 from groundlink.cli import Subparsers
@@ -18,13 +19,9 @@ from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.episode.fault_messages import CLEAR, FaultAnswer
 from groundlink.process import runner as process
-from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.faults import KINDS, Fault, FaultSpec
 
 from .connection import at_tick, joined, tick_text
-
-ANSWER_SECONDS = 3.0
-"""Timeout of a sensor, which may be busy with a revolution."""
 
 TIMES = FaultSpec.__struct_fields__
 """Fields that are no parameters here: a live fault begins now and ends by `--for`."""
@@ -62,15 +59,7 @@ def fault(options: argparse.Namespace) -> int:
             answers = _all_answers(bus, run, scenario.sensor_names())
             _print_answers(run, answers, as_json=options.json)
             return 0
-        found = scenario.sensor(options.sensor)
-        if found is None:
-            hint = did_you_mean(options.sensor, scenario.sensor_names())
-            raise UserError(f"run `{run}` has no sensor `{options.sensor}`; {hint}")
-        vehicle, spec = found
-        if wanted is not None and (wrong := fault_problem(wanted, spec, vehicle)):
-            raise UserError(f"{options.sensor}: `{wrong[0]}`: {wrong[1]}")
-        query = CLEAR if wanted is None else msgspec.json.encode(wanted).decode()
-        answer = _query(bus, run, options.sensor, query)
+        answer = send_fault(bus, run, scenario, options.sensor, wanted)
     _print_answers(run, {options.sensor: answer}, as_json=options.json)
     return 0
 
@@ -123,32 +112,9 @@ def _all_answers(bus: Bus, run: str, sensors: Sequence[str]) -> dict[str, FaultA
     answers = {key.rpartition("/")[0]: payload for key, payload in replies.items()}
     payloads = {sensor: answers.get(faults_key(run, sensor)) for sensor in sensors}
     return {
-        sensor: None if payload is None else _decoded(sensor, payload)
+        sensor: None if payload is None else read_answer(sensor, payload)
         for sensor, payload in payloads.items()
     }
-
-
-def _query(bus: Bus, run: str, sensor: str, query: str) -> FaultAnswer:
-    replies = bus.query(faults_key(run, sensor), query, seconds=ANSWER_SECONDS)
-    if not replies:
-        raise UserError(
-            f"run `{run}`: {sensor} does not respond. Fix: check that its process is running"
-        )
-    return _decoded(sensor, next(iter(replies.values())))
-
-
-def _decoded(sensor: str, payload: bytes) -> FaultAnswer:
-    """Return the answer of a sensor.
-
-    Raises
-    ------
-    UserError
-        if the sensor rejected the query.
-    """
-    answer = msgspec.json.decode(payload, type=FaultAnswer)
-    if answer.error:
-        raise UserError(f"{sensor}: {answer.error}")
-    return answer
 
 
 def _print_answers(run: str, answers: Mapping[str, FaultAnswer | None], *, as_json: bool) -> None:

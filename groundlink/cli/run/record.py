@@ -14,6 +14,7 @@ from groundlink.cli import Subparsers
 from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.cli.terminal.tables import Column, FittingTable
+from groundlink.core.atomic_file import check_new_file
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.episode.mission import Mission
@@ -60,7 +61,7 @@ def record(options: argparse.Namespace) -> int:
     out = Path(options.out)
     if not options.duration > 0:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
-    running.check_new_file("--out", out)
+    check_new_file("--out", out)
     run = options.run or scenario.name
     console = terminal.console(stderr=options.json)
     commands = process_commands.commands(scenario, options.scenario, run, options.listen)
@@ -69,7 +70,7 @@ def record(options: argparse.Namespace) -> int:
     commands["physics"] += ["--lockstep", "sensors"]  # no ROS node takes part
     commands["physics"] += overrides.forwarded(options)
     commands[running.RECORDER] = [
-        *running.recorder(options.out, run, options.listen),
+        *process_commands.recorder(options.out, run, options.listen),
         *("--duration", f"{options.duration:g}"),
         *(() if options.realtime else ("--ordered",)),
     ]

@@ -12,7 +12,7 @@ from rich.console import Console
 from groundlink.bus import core_topics
 from groundlink.bus.zenoh_config import DEFAULT_ENDPOINT
 from groundlink.cli.terminal.progress import progress
-from groundlink.core.errors import RequirementError, UserError
+from groundlink.core.errors import RequirementError
 from groundlink.core.extras import check_installed
 from groundlink.loader import load
 from groundlink.loader.overrides import FieldChange
@@ -53,18 +53,6 @@ def load_scenario(given: str | Path, changes: Iterable[FieldChange] = ()) -> Sce
         return load(given, changes=changes)
 
 
-def recorder(out: str, run: str, endpoint: str) -> list[str]:
-    """Return the command line of a recorder.
-
-    Raises
-    ------
-    RequirementError
-        if the extra `record` is not installed; otherwise the run would wait for its recorder.
-    """
-    check_installed(("mcap", "rosbags", "zstandard"), "record")
-    return ["-m", "services.recorder", "--out", out, *joining(run, endpoint)]
-
-
 def viewer(run: str, endpoint: str) -> list[str]:
     """Return the command line of a viewer: a window, or a page for a browser without a display.
 
@@ -75,20 +63,6 @@ def viewer(run: str, endpoint: str) -> list[str]:
     """
     check_installed(("rerun", "rosbags", "PIL"), "view")
     return ["-m", "services.view", *joining(run, endpoint)]
-
-
-def check_new_file(option: str, path: Path) -> None:
-    """Check that a file does not exist and its folder does.
-
-    Raises
-    ------
-    UserError
-        if the file cannot be created.
-    """
-    if path.exists():
-        raise UserError(f"{option} {path}: file exists. Fix: delete it or choose another name")
-    if not path.resolve().parent.is_dir():
-        raise UserError(f"{option} {path}: no such folder: {path.parent}")
 
 
 def ros_side(gateway: GatewaySettings, shown: Console) -> list[str]:

@@ -7,21 +7,18 @@ files. The command checks a file before it sends anything.
 
 import argparse
 import sys
-import time
 from pathlib import Path
 
-from groundlink.bus.control_client import fetch_journal, run_status, send_command
+from groundlink.bus.control_client import fetch_journal, restoring
 from groundlink.cli import Subparsers
 from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.cli.terminal.progress import progress
-from groundlink.core.errors import UserError
+from groundlink.core.atomic_file import check_new_file
 from groundlink.episode import journal
-from groundlink.episode.control import Restore
 from groundlink.process import runner as process
 
 from .connection import at_tick, joined, tick_text
-from .control import POLL_SECONDS, print_status
-from .running import check_new_file
+from .control import print_status
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -55,13 +52,9 @@ def restore(options: argparse.Namespace) -> int:
     content = journal.read(options.file)
     journal.loaded(content, str(options.file))
     with joined(options) as (bus, run, _), progress(f"restoring {options.file.name}") as done:
-        answer = send_command(bus, run, Restore(), content=content)
-        while answer.restoring_to >= 0:
-            done(answer.tick / max(answer.restoring_to, 1))
-            time.sleep(POLL_SECONDS)
-            answer = run_status(bus, run)
-    if answer.failure:
-        raise UserError(f"run `{run}`: {answer.failure}; the run is unchanged")
+        for answer in restoring(bus, run, content):
+            if answer.restoring_to >= 0:
+                done(answer.tick / max(answer.restoring_to, 1))
     if answer.warning:
         print(f"groundlink: warning: {answer.warning}", file=sys.stderr)
     print_status(run, answer, as_json=options.json)

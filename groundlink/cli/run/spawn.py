@@ -12,12 +12,9 @@ from groundlink.cli import Subparsers
 from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.core.errors import UserError
 from groundlink.episode.control import ControlAnswer, Remove, Spawn
-from groundlink.loader.additions import KINDS, SpawnPlace, addition, check_addition
+from groundlink.loader.additions import KINDS, SpawnPlace, addition_to, check_addition
 from groundlink.process import runner as process
 from groundlink.process.joining import join_world
-from groundlink.scene.bodies import link_bodies
-from groundlink.scene.build import solids
-from groundlink.scene.spawn_checks import ground_of
 
 from .connection import at_tick, joined, tick_text
 
@@ -53,14 +50,11 @@ def spawn(options: argparse.Namespace) -> int:
     at = _place(options.at)
     check_addition(options.what)
     with joined(options, joining=join_world) as (bus, run, scenario):
-        names = [vehicle.name for vehicle in scenario.vehicles]
-        names += [solid.name for solid in solids(scenario)]
-        name, more = addition(
+        name, more = addition_to(
+            scenario,
             options.what,
             at=at,
             name=options.name,
-            taken=[*link_bodies(scenario), *names],
-            ground=ground_of(scenario),
             warn=lambda line: print(line, file=sys.stderr),
         )
         answer = send_command(bus, run, Spawn(more))

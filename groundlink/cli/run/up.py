@@ -13,7 +13,7 @@ from groundlink.cli import Subparsers
 from groundlink.cli.run.dashboard import dashboard
 from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.json_output import add_json_option, print_json
-from groundlink.core.atomic_file import write_atomically
+from groundlink.core.atomic_file import check_new_file, write_atomically
 from groundlink.core.errors import UserError
 from groundlink.episode import journal
 from groundlink.episode.mission import Mission
@@ -84,7 +84,7 @@ def up(options: argparse.Namespace) -> int:
     if options.report and not options.report.resolve().parent.is_dir():
         raise UserError(f"--report {options.report}: no such folder: {options.report.parent}")
     if options.record:
-        running.check_new_file("--record", Path(options.record))
+        check_new_file("--record", Path(options.record))
     run = options.run or scenario.name
     console = terminal.console(stderr=options.json)
     commands = process_commands.commands(
@@ -94,7 +94,7 @@ def up(options: argparse.Namespace) -> int:
     commands["physics"] += overrides.forwarded(options) + time_options.forwarded(options)
     if options.record:
         commands["physics"] += ["--wait-for", running.RECORDER]
-        commands[running.RECORDER] = running.recorder(options.record, run, options.listen)
+        commands[running.RECORDER] = process_commands.recorder(options.record, run, options.listen)
     if not options.no_ros:
         commands[running.ROS_SIDE] = running.ros_side(scenario.gateway, console)
     if options.view:

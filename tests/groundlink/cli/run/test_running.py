@@ -1,27 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-import importlib.util
 import io
 
 import pytest
 from rich.console import Console
 
 from groundlink.cli.run import running
-from groundlink.core.errors import RequirementError
 from groundlink.scenario.ros_side import GatewaySettings
-
-
-@pytest.mark.parametrize("package", ["mcap", "rosbags", "zstandard"])
-def test_unusable_recorder_is_reported_before_the_run(
-    package: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Physics would wait for it at the first tick, while a real-time run goes on without it."""
-    running.recorder("run.mcap", "lab", "tcp/127.0.0.1:1")
-    find = importlib.util.find_spec
-    monkeypatch.setattr(
-        "importlib.util.find_spec", lambda name: None if name == package else find(name)
-    )
-    with pytest.raises(RequirementError, match=rf"`{package}` .*groundlink\[record\]"):
-        running.recorder("run.mcap", "lab", "tcp/127.0.0.1:1")
 
 
 @pytest.mark.parametrize(
