@@ -115,7 +115,7 @@ class NavigationEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for one period; see gymnasium.Env."""
         forward, left = np.clip(np.asarray(action, np.float64), -1.0, 1.0) * self._scale
-        self._sim.command(self._vehicle, float(forward), float(left))
+        self._sim.command(self._vehicle, forward, left)
         self._sim.step(self._period_s)
         self._steps += 1
         observation = self._observe()

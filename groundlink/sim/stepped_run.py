@@ -74,7 +74,7 @@ class SteppedRun:
         run all sensors in one process: less overhead, but they wait for each other.
     record
         also record the run to this MCAP file, which `close` completes. After a reset or a restore
-        another file follows, such as `run_2.mcap`. The same steps give the same file.
+        another file follows, such as `run_2.mcap`.
 
     Raises
     ------
@@ -210,7 +210,8 @@ class SteppedRun:
                 f"no vehicle `{vehicle}`; expected one of {', '.join(self._publishers)}"
             )
         stamp_nanos = self._epoch_nanos + self._tick * TICK_NANOS
-        velocity = Command(stamp_nanos, (linear_mps, 0.0, 0.0), (0.0, 0.0, angular_radps))
+        forward, turn = float(linear_mps), float(angular_radps)  # of NumPy's types, too
+        velocity = Command(stamp_nanos, (forward, 0.0, 0.0), (0.0, 0.0, turn))
         self._publishers[vehicle](velocity)
         self._commanded[vehicle] = self._tick
 

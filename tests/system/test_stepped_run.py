@@ -99,14 +99,13 @@ def test_faults_begin_and_end_between_two_steps(sim: SteppedRun) -> None:
     assert stuck.begin_tick == round(sim.time_s * TICK_RATE_HZ) + 1
     assert len(sim.fault("rover/imu", Bias(value=1.0))) == 2
     sim.fault("rover/lidar", Off())
-    sim.command("rover", 1.0, 0.0)
     sim.step(0.1)
     cloud = sim.latest("rover/lidar")  # its revolution began before the fault
+    biased = np.array(sim.latest("rover/imu").linear_acceleration_mps2)
+    np.testing.assert_allclose(biased - imu.linear_acceleration_mps2, 1.0, atol=0.15)
+    sim.command("rover", 1.0, 0.0)
     sim.step(0.1)
     assert sim.latest("rover/lidar") == cloud
-    biased = np.array(sim.latest("rover/imu").linear_acceleration_mps2)
-    np.testing.assert_allclose(biased - imu.linear_acceleration_mps2, 1.0, atol=0.1)
-    sim.step(0.1)
     assert sim.latest("rover/imu").linear_acceleration_mps2 == tuple(biased)
     for sensor in ("rover/imu", "rover/lidar"):
         sim.clear_faults(sensor)
@@ -205,12 +204,12 @@ def test_a_saved_state_is_restored_and_recorded(tmp_path: Path) -> None:
             again.restore(scenario)
 
 
-def printed_by_guide(name: str, folder: Path) -> list[str]:
-    """Return the lines that the program of a guide prints."""
+def printed_by_guide(name: str, folder: Path, number: int = 0) -> list[str]:
+    """Return the lines that a program of a guide prints."""
     guides = REPOSITORY / "docs" / "how-to"
     pages = [(guides / file).read_text(encoding="utf-8") for file in ("python-run.md", name)]
     (scenario,) = re.findall(r"```yaml\n(.*?)```", pages[0], re.DOTALL)
-    (program,) = re.findall(r"```python\n(.*?)```", pages[1], re.DOTALL)
+    program = re.findall(r"```python\n(.*?)```", pages[1], re.DOTALL)[number]
     (folder / "small.yaml").write_text(scenario, encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "-c", program],
@@ -223,11 +222,19 @@ def printed_by_guide(name: str, folder: Path) -> list[str]:
     return done.stdout.splitlines()
 
 
-def test_the_program_of_the_guide_follows_a_line(tmp_path: Path) -> None:
+def test_the_programs_of_the_guide(tmp_path: Path) -> None:
     first, streams = printed_by_guide("python-run.md", tmp_path)
     (x_m,) = re.findall(r"^2\.0 s, x (-\d\.\d\d) m$", first)
     assert float(x_m) == pytest.approx(-3.75, abs=0.15)
     assert "'rover/scanner'" in streams
+    lines = printed_by_guide("python-run.md", tmp_path, 1)
+    found = [re.match(r"(\w+): nearest (.*) m, turning with (.*) rad/s$", line) for line in lines]
+    names, nearest_m, turning = zip(*(one.groups() for one in found if one), strict=True)
+    assert names == ("free", "barrel", "stuck")
+    assert nearest_m[0] == nearest_m[2]
+    assert 0.2 < float(nearest_m[1]) < float(nearest_m[0])
+    assert turning[0] == turning[1] != turning[2]
+    assert (tmp_path / "three_3.mcap").exists()
 
 
 def test_the_policy_of_the_guide_reaches_its_goal(tmp_path: Path) -> None:
