@@ -153,6 +153,8 @@ def _record(options: argparse.Namespace, case: Case, recording: Path) -> int:
     words = ["record", options.scenario, "--out", str(recording), "--listen", free_endpoint()]
     words += ["--duration", options.duration] if options.duration else []
     words += [word for change in case for word in ("--set", change.text)]
+    if sys.stderr.isatty():
+        words.append("--json")  # draws its progress bar on stderr
     return _ended([sys.executable, "-m", "groundlink", *words], stdout=subprocess.DEVNULL)
 
 

@@ -160,9 +160,10 @@ def test_fish_completes_commands_names_and_files(
 def test_the_script_is_valid(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], shell: str
 ) -> None:
+    if not shutil.which(shell):
+        pytest.skip(f"needs {shell}")
     write_script(shell, tmp_path / "script", capsys)
-    if shutil.which(shell):
-        subprocess.run([shell, "-n", tmp_path / "script"], check=True)
+    subprocess.run([shell, "-n", tmp_path / "script"], check=True)
 
 
 def test_every_argument_is_completed_or_known_to_the_user_alone() -> None:
