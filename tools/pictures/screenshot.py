@@ -5,6 +5,8 @@
 picture's name.
 """
 
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -25,12 +27,13 @@ def screenshot(recording: Path, out: Path, seconds: float) -> None:
     """Play a recording of so many seconds to its end, and write what the viewer shows."""
     rerun = Path(sys.executable).with_name("rerun")
     words = ["--headless", "--port", str(PORT), "--window-size", SIZE]
-    with subprocess.Popen([rerun, recording, *words]) as viewer:
+    # The command starts another process, which would stay.
+    with subprocess.Popen([rerun, recording, *words], start_new_session=True) as viewer:
         try:
             time.sleep(LOADING_S + 1.5 * seconds)
             ViewerClient(f"rerun+http://127.0.0.1:{PORT}/proxy").save_screenshot(str(out))
         finally:
-            viewer.terminate()
+            os.killpg(viewer.pid, signal.SIGTERM)
     with Image.open(out) as picture:
         below_the_menu = picture.crop((0, MENU_PX, *picture.size))
     below_the_menu.save(out)
