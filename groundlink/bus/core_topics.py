@@ -13,6 +13,9 @@ from groundlink.messages.base import Ack, BusMessage, Clock, Command, Health, St
 
 ROOT = "groundlink"
 
+ROUTER_KEY = f"{ROOT}/router"
+"""Liveliness token of a router: whoever sees it is reached by the router."""
+
 PHYSICS, GATEWAY, RECORDER = "physics", "gateway", "recorder"
 """Names of processes of which a run has one."""
 

@@ -20,7 +20,7 @@ from groundlink.core.errors import UserError
 from groundlink.messages.base import BusMessage, M, encode
 
 from . import zenoh_config
-from .core_topics import Delivery
+from .core_topics import ROUTER_KEY, Delivery
 from .credentials import from_environment
 from .inbox import BusInbox
 
@@ -40,6 +40,16 @@ _ENDPOINT = re.compile(r"^(tcp|udp|tls|quic|ws)/(\[[0-9a-fA-F:]+\]|[^\s/:]+):(\d
 
 class BusError(UserError):
     """The bus cannot be joined."""
+
+
+class DeafSession(UserError):
+    """The session is connected, but its router sends nothing to it.
+
+    A session that has lost its link connects again under the same id. If the router is still
+    closing the old link then, which it does when several hosts are cut off one after the other,
+    Zenoh (1.10) may keep the new link and send to the old one: the session stays connected, what it
+    publishes arrives, and nothing comes to it. Only a new session ends this.
+    """
 
 
 class Bus:
@@ -110,7 +120,9 @@ class Bus:
         finally:
             for name in threads.keys() - before:  # child processes must not inherit them
                 del os.environ[name]
-        if not self._is_router:
+        if self._is_router:
+            self.announce(ROUTER_KEY)
+        else:
             self._declared.append(
                 self._session.info.declare_transport_events_listener(self._on_connection)
             )
@@ -121,8 +133,9 @@ class Bus:
     def __enter__(self) -> "Bus":
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is not DeafSession:  # its router would not answer the farewell, for 10 s
+            self.close()
 
     def close(self) -> None:
         """Leave the bus."""

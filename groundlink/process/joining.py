@@ -9,9 +9,9 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from groundlink.bus.core_topics import HEALTH, ROOT
+from groundlink.bus.core_topics import HEALTH, ROOT, ROUTER_KEY
 from groundlink.bus.queries import scenario_key
-from groundlink.bus.session import Bus
+from groundlink.bus.session import Bus, DeafSession
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Health, StreamReport
 from groundlink.scenario import Scenario
@@ -100,6 +100,7 @@ class Heartbeat:
     ) -> None:
         key = HEALTH.key_in(run_name, process=process)
         self._process, self._claim = process, claim or NoClaim()
+        self._bus, self._check = bus, RouterCheck()
         self._publish = bus.publisher(key, HEALTH.delivery)
         self._next = 0.0
         self._liveness = LivenessFile(process, bus.is_connected, os.environ)
@@ -122,7 +123,7 @@ class Heartbeat:
         Raises
         ------
         UserError
-            if another process took over the name.
+            if another process took over the name, or the router sends nothing (`DeafSession`).
         """
         self._next = time.monotonic() + HEALTH_PERIOD_SECONDS
         health = Health(
@@ -132,6 +133,67 @@ class Heartbeat:
         if is_well:
             self._liveness.update(time.monotonic())
         self._claim.check(time.monotonic())
+        is_due = self._check.is_due(self._bus.reconnects(), time.monotonic())
+        if is_due and self._bus.is_connected():
+            answers = self._bus.present(ROUTER_KEY, seconds=ANSWER_SECONDS)
+            self._check.take(time.monotonic(), is_answered=bool(answers))
+
+
+ANSWER_SECONDS = 0.7
+"""Timeout for the router's answer, which takes a millisecond."""
+
+WATCHED_SECONDS = 15.0
+"""Time after a reconnection in which the router is asked; it ends old links within 10 s."""
+
+DEAF_SECONDS = 12.0
+"""Silence that makes a session deaf. One that is cut off, or whose router stands still, loses its
+link after 10 s."""
+
+
+class RouterCheck:
+    """Decides when a connected session asks its router for an answer, and what silence means.
+
+    Only routers that have answered before are expected to answer: a `zenohd` never does.
+    """
+
+    def __init__(self) -> None:
+        self._reconnects = -1
+        self._since = 0.0
+        self._is_known = False
+        self._silent_since: float | None = None
+
+    def is_due(self, reconnects: int, now_seconds: float) -> bool:
+        """Return whether to ask: at the start until it answers, and after each reconnection.
+
+        Parameters
+        ----------
+        reconnects
+            How often the session has reconnected so far.
+        now_seconds
+            Time of a monotonic clock.
+        """
+        if reconnects != self._reconnects:
+            self._reconnects, self._since, self._silent_since = reconnects, now_seconds, None
+        is_watched = now_seconds - self._since < WATCHED_SECONDS
+        return self._silent_since is not None or (
+            is_watched and (reconnects > 0 or not self._is_known)
+        )
+
+    def take(self, now_seconds: float, *, is_answered: bool) -> None:
+        """Record whether the router answered in time.
+
+        Raises
+        ------
+        DeafSession
+            when a router that has answered before is silent for `DEAF_SECONDS`.
+        """
+        self._is_known |= is_answered
+        if is_answered or not self._is_known:
+            self._silent_since = None
+        elif self._silent_since is None:
+            self._silent_since = now_seconds
+        elif now_seconds - self._silent_since > DEAF_SECONDS:
+            raise DeafSession("connected, but the router sends nothing; starting again")
 
 
 VARIABLE = "ALIVE_FILE"

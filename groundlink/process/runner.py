@@ -14,6 +14,7 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
+from groundlink.bus.session import DeafSession
 from groundlink.bus.zenoh_config import DEFAULT_ENDPOINT
 from groundlink.core.errors import TOO_MANY_FILES, RequirementError, UserError, os_error_reason
 
@@ -75,6 +76,10 @@ def run(process: str, main: Callable[[Sequence[str], threading.Event], None]) ->
         signal.signal(number, lambda *_: stop.set())
     try:
         main(sys.argv[1:], stop)
+    except DeafSession as error:
+        print(f"{process}: {error}", file=sys.stderr, flush=True)
+        # The same process with a new session, whoever started it and whether that restarts it.
+        os.execv(sys.executable, sys.orig_argv)
     except UserError as error:
         print(f"{process}: {error}", file=sys.stderr)
         sys.exit(error.exit_code)

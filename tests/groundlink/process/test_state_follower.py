@@ -68,6 +68,12 @@ class Physics:
 
     def announce(self, key: str) -> None: ...
 
+    def reconnects(self) -> int:
+        return 0
+
+    def present(self, key: str, *, seconds: float) -> set[str]:
+        return {key}
+
     def is_connected(self) -> bool:
         return True
 
