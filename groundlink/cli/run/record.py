@@ -156,7 +156,8 @@ def _verdict(
         judged = [mission.to_builtins() for mission in missions]
         print_json({"path": str(out), "topics": rows, "missions": judged, "faults": faults})
         return 1 if faults else 0
-    console.print(missions_table(missions))
+    if missions:
+        console.print(missions_table(missions))
     console.print(table)
     supervised.say_faults(console, faults, missions)
     return 1 if faults else 0
