@@ -35,7 +35,7 @@ KEEPS_RUNNING, AFTER_CTRL_C = "keeps running", "after Ctrl-C"
 LIMIT_S = 100.0
 """Longest time of a command that ends."""
 
-WAIT_S = 30.0
+WAIT_S = 60.0
 """Longest wait for an output of a command that keeps running, and for its end."""
 
 _SEPARATOR = "\x1e"
