@@ -16,7 +16,7 @@ class TrialFigure(msgspec.Struct, frozen=True):
     good: bool
 
     def __str__(self) -> str:
-        return f"{round(self.value, 4):.4g} {self.unit}".rstrip()
+        return f"{round(self.value, 4) + 0.0:.4g} {self.unit}".rstrip()  # No minus zero.
 
 
 class TrialCurve(msgspec.Struct, frozen=True):

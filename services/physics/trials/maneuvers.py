@@ -40,6 +40,9 @@ WITHIN = 0.01
 
 TURN_RADPS = 0.6
 TURN_SECONDS = 3.0
+HARDLY = 0.1
+"""Below this share of the commanded rate the wheels do not turn the vehicle."""
+
 WANDER_M = 0.1
 """Distance from its place of a vehicle that turns on the spot."""
 
@@ -168,10 +171,17 @@ def turn(model: VehicleModel) -> Trial:
             _over_time("yaw rate, rad/s", asked, ("true", rates)),
             TrialPlot("x, m", "y, m", (path,), equal=True),
         ),
-        f"set `track_multiplier: {multiplier:.3g}`, the measured one"
-        if isinstance(model.drive, SideSteered)
-        else "check `max_steering_deg`, `steering_torque_nm` and the friction of the tires",
+        _fix_of_turn(model, multiplier, true / rate),
     )
+
+
+def _fix_of_turn(model: VehicleModel, multiplier: float, share: float) -> str:
+    """Return what to try if a vehicle turns at another rate, which is this share of the command."""
+    if not isinstance(model.drive, SideSteered):
+        return "check `max_steering_deg`, `steering_torque_nm` and the friction of the tires"
+    if share < HARDLY:
+        return "check `max_wheel_torque_nm`, or lower `axle_friction_ratio`: it hardly turns"
+    return f"set `track_multiplier: {multiplier:.3g}`, the measured one"
 
 
 def stop(model: VehicleModel) -> Trial:
@@ -266,7 +276,7 @@ def lean(model: VehicleModel, least_deg: float = CLIMB_DEG) -> Trial:
     slopes, leans, aside = np.array(rows).T
     rates = np.abs(np.diff((leans, aside))) * TICK_RATE_HZ / CURVE_TICKS
     quiet = np.flatnonzero((rates[0] < TIPPING_DEGPS) & (rates[1] < SLIDING_MPS))
-    limit = tilt if what == "stands up to" else float(slopes[quiet[-1] + 1])
+    limit = tilt if what == "stands up to" else float(slopes[max(quiet, default=-1) + 1])
     over_slope = _curve("true", slopes, leans, 1)
     return Trial(
         "lean",

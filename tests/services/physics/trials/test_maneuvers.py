@@ -35,6 +35,10 @@ def test_a_wrong_track_multiplier_is_found_with_the_right_one() -> None:
     assert trial.fix == "set `track_multiplier: 1.8`, the measured one"
 
 
+def test_a_vehicle_that_hardly_turns_gets_no_multiplier() -> None:
+    assert turn(rover(max_wheel_torque_nm=0.01)).fix.endswith("it hardly turns")
+
+
 def test_a_high_load_tips_and_a_slippery_tire_slides() -> None:
     model = shipped("rover")
     high = replace(model.chassis, center_m=(0.0, 0.0, 1.0))
