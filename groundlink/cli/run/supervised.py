@@ -16,7 +16,7 @@ from rich.text import Text
 from groundlink.bus.core_topics import HEALTH, RECORDER
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.cli.terminal.output import display, say, stop_on_signals
+from groundlink.cli.terminal.output import CroppedPicture, display, say, stop_on_signals
 from groundlink.core import VERSION
 from groundlink.core.errors import UserError
 from groundlink.episode.mission import Mission
@@ -176,7 +176,8 @@ class SupervisedRun:
     def _with_lines(self, picture: RenderableType) -> RenderableType:
         """Return the live status above the newest log lines."""
         newest = list(self._lines)[-LINES_SHOWN:]
-        return Group(picture, *(Text(line, no_wrap=True, overflow="ellipsis") for line in newest))
+        top = CroppedPicture(picture, rows_below=len(newest))
+        return Group(top, *(Text(line, no_wrap=True, overflow="ellipsis") for line in newest))
 
 
 class RecorderProgress:

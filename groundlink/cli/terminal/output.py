@@ -12,8 +12,9 @@ import time
 from collections.abc import Callable
 from types import FrameType
 
-from rich.console import Console, RenderableType
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.live import Live
+from rich.segment import Segment
 
 PLAIN_PERIOD_SECONDS = 5.0
 """Period of the display without a terminal."""
@@ -40,6 +41,29 @@ def width(plain_width: int = PLAIN_WIDTH) -> int:
 def say(shown: Console, line: str) -> None:
     """Print a line without wrapping and markup."""
     shown.print(line, markup=False, highlight=False, soft_wrap=True)
+
+
+class CroppedPicture:
+    """A picture whose last rows are left out on a terminal that is too low for it.
+
+    Parameters
+    ----------
+    rows_below
+        rows that the terminal needs below the picture.
+    """
+
+    def __init__(self, picture: RenderableType, *, rows_below: int) -> None:
+        self._picture, self._rows_below = picture, rows_below
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Render the rows that fit."""
+        rows = console.render_lines(self._picture, options, pad=False)
+        room = max(console.height - self._rows_below, 1)
+        if console.is_terminal and len(rows) > room:
+            rows = [*rows[: room - 1], [Segment("...")]]
+        for row in rows:
+            yield from row
+            yield Segment.line()
 
 
 def display(shown: Console, picture: Callable[[], RenderableType]) -> Callable[[bool], None]:

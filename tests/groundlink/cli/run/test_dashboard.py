@@ -4,6 +4,7 @@ import io
 import pytest
 from msgspec.structs import replace
 from rich.console import Console
+from rich.text import Text
 
 from groundlink.cli.run.dashboard import dashboard, missions_table
 from groundlink.cli.run.supervised import LINES_SHOWN, SupervisedRun, failures, say_faults
@@ -132,6 +133,21 @@ def test_lines_of_processes_stand_below_the_picture_of_a_terminal() -> None:
         "picture",
         *(f"line {number}" for number in range(8, LINES_SHOWN + 8)),
     ]
+
+
+def test_a_low_terminal_shows_the_newest_lines_and_what_fits_above() -> None:
+    console = Console(width=80, height=10, file=io.StringIO(), force_terminal=True)
+    run = SupervisedRun({"gateway": []}, "run", "tcp/127.0.0.1:0", console)
+    for number in range(8):
+        run.log(f"line {number}")
+    for rows, above in ((5, range(5)), (30, range(4))):
+        picture = Text("\n".join(f"row {row}" for row in range(rows)))
+        with console.capture() as capture:
+            console.print(run._with_lines(picture), end="")
+        shown = [text.strip() for text in capture.get().splitlines()]
+        assert shown[-LINES_SHOWN:] == [f"line {number}" for number in range(3, 8)]
+        cut = ["..."] if rows > len(above) else []
+        assert shown[:-LINES_SHOWN] == [*(f"row {row}" for row in above), *cut]
 
 
 def test_losses_are_shown_by_cause() -> None:
