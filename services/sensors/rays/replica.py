@@ -68,4 +68,5 @@ class Replica(WorldReplica):
         """
         # The terrain is one body after the solids, whatever its materials.
         still = np.minimum(label, len(self.static)) + self._bodies
-        return np.where(body >= 0, body, np.where(label >= 0, still, NO_BODY)).astype(np.uint32)
+        standing = np.where(label >= 0, still, np.uint32(NO_BODY))
+        return np.where(body >= 0, body, standing).astype(np.uint32)
