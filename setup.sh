@@ -7,12 +7,14 @@ cd "$(dirname "$0")"
 
 PYTHON=${PYTHON:-}
 if [ -z "$PYTHON" ]; then
-    for candidate in python3.11 python3 python; do
-        if command -v "$candidate" >/dev/null 2>&1 &&
-            "$candidate" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null; then
-            PYTHON=$candidate
-            break
-        fi
+    for version in 3.11 3.12 3.13; do # the first has wheels of PyBullet
+        for candidate in "python$version" python3 python; do
+            found=$("$candidate" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null) || continue
+            if [ "$found" = "$version" ]; then
+                PYTHON=$candidate
+                break 2
+            fi
+        done
     done
 fi
 
@@ -24,8 +26,8 @@ if command -v uv >/dev/null 2>&1; then
     install() { uv pip install --quiet --python .venv/bin/python "$@"; }
 else
     if [ -z "$PYTHON" ]; then
-        echo "setup: Python 3.11 not found (PyBullet has no wheels for newer versions)." \
-            "Fix: install it, or run: make setup PYTHON=/path/to/python3.11" >&2
+        echo "setup: no Python 3.11, 3.12 or 3.13 found." \
+            "Fix: install Python 3.11, or run: make setup PYTHON=/path/to/python3.11" >&2
         exit 2
     fi
     step "creating .venv with venv and pip"
@@ -33,6 +35,9 @@ else
     install() { .venv/bin/python -m pip install -qq --disable-pip-version-check "$@"; }
 fi
 
+if .venv/bin/python -c 'import sys; sys.exit(sys.version_info < (3, 12))'; then
+    step "PyBullet has no wheels for Python 3.12 and later: compiling it takes about 15 minutes"
+fi
 step "installing Groundlink, its dependencies and test tools (one to two minutes)"
 install -e ./udp-bridge -e '.[all,benchmarks,experiments,docs,dev]'
 
