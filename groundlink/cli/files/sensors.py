@@ -61,7 +61,8 @@ def sensors(options: argparse.Namespace) -> int:
             lines += textwrap.wrap(figures, width, max_lines=2, placeholder=" ...")
             for head, line in itertools.zip_longest([f"  {sheet.name} "], lines, fillvalue=""):
                 print(f"{head:{INDENT}}{line}")
-    print(f"\nDetails: `groundlink sensors show NAME`. Files: {SHIPPED / SHEETS}")
+    print("\nDetails: `groundlink sensors show NAME`. Files:")
+    print(SHIPPED / SHEETS)
     return 0
 
 
