@@ -34,6 +34,7 @@ LONGEST = (
     "tests/system/test_ros_control.py",
     "tests/system/test_foreign_sensor.py",
     "tests/docs/test_tutorials.py",
+    "tests/system/test_notebooks.py",
     "tests/system/test_save.py",
     "tests/system/test_recording.py",
     "tests/system/test_replay.py",
