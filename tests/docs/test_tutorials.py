@@ -43,7 +43,7 @@ INSTEAD = {
     ".venv/bin/groundlink view compass.mcap": Instead(
         "", "opens a window; tests/system/test_foreign_sensor.py"
     ),
-    'ros2 topic pub -r 20 -t 60 /cmd_vel geometry_msgs/msg/Twist "{linear: {x: 0.5}}"': Instead(
+    'ros2 topic pub -r 20 -t 40 /cmd_vel geometry_msgs/msg/Twist "{linear: {x: 0.5}}"': Instead(
         "", "the ROS 2 of pip has no `ros2`; the next command does the same"
     ),
     ".venv/bin/pip install ./examples/magnetometer_sensor": Instead(
