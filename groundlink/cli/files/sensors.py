@@ -54,7 +54,7 @@ def sensors(options: argparse.Namespace) -> int:
         return 0
     width = max(terminal.width(), 2 * INDENT) - INDENT
     for name, kind in sensor_kinds().items():
-        print(textwrap.fill(_kind(kind), width + INDENT, subsequent_indent="  "))
+        print(textwrap.fill(_kind(kind), width + INDENT, subsequent_indent="    "))
         for sheet in sheets[name]:
             lines = [textwrap.shorten(sheet.title, width, placeholder=" ...")]
             figures = ", ".join(_figures_text(sheet.figures))
