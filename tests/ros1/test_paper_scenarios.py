@@ -89,7 +89,11 @@ def check(listener: Process, rows: Expected, frames: dict[str, str]) -> dict[int
         if rate_hz is not None:
             period = NANOS / rate_hz
             steps = [b - a for a, b in pairwise(stamps)]
-            assert all(abs(step - period) < 2_500_000 for step in steps[2:]), (topic, steps)
+            periods = [round(step / period) for step in steps]
+            off = [abs(step - n * period) for step, n in zip(steps, periods, strict=True)]
+            assert max(off) < 2_500_000, topic
+            # A receiver without a core for a while loses a message.
+            assert sum(n > 1 for n in periods) <= 1 + len(steps) // 20, (topic, periods)
         if ros_type.endswith("PointCloud2"):
             digests = {stamp: content[-1] for stamp, content in got}
     return digests

@@ -91,13 +91,13 @@ class LiveFaults:
         return self._model.active(self._sensor.tick)
 
     def resume(self, ack: Ack) -> None:
-        """Resume where a predecessor stopped, which has reported its faults.
+        """Resume where a predecessor or this process stopped, which has reported its faults.
 
         A predecessor that is this process in an earlier episode has reported later faults since.
         """
         with self._turn:
             self._sensor.resume(ack)
-            has_reported = self._episode is None
+            has_reported = self._episode in (None, ack.episode)
             self._episode = ack.episode
             self._reported = self._model.active(ack.settled_tick) if has_reported else None
 

@@ -140,6 +140,15 @@ def test_successor_repeats_no_report() -> None:
     assert second.events() == [(240, [])]
 
 
+def test_sensor_that_begins_again_in_its_episode_repeats_no_report() -> None:
+    bench = Bench(Off(at_s=0.1, for_s=0.5))
+    bench.take(160)
+    before = bench.events()
+    bench.live.resume(bench.line.acks[-1])
+    bench.take(300)
+    assert bench.events() == [*before, (240, [])]
+
+
 def test_late_sensor_reports_active_faults() -> None:
     bench = Bench()
     bench.take(500, 510)
