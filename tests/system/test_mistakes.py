@@ -61,8 +61,8 @@ def test_scenarios_that_cannot_be_run(it: Rig) -> None:
     up = ("-m", "groundlink", "up", str(it.scenario))
     physics = ("-m", "services.physics", str(it.scenario))
     for wrong, words, commands in [
-        (text.replace("seed: 1", "sede: 1"), ["sede", "did you mean `seed`?", ":4:"], [check, up]),
-        (text.replace("seed: 1", "seed: x"), ["seed", "int", ":4:"], [check, physics]),
+        (text.replace("seed: 1", "sede: 1"), ["sede", "did you mean `seed`?", ":5:"], [check, up]),
+        (text.replace("seed: 1", "seed: x"), ["seed", "int", ":5:"], [check, physics]),
         (text.replace("vehicles/rover.yaml", "rovr"), ["rovr", "did you mean `rover`?"], [up]),
         (text.replace("kind: encoders", "kind: encoder"), ["encoder", "`encoders`?"], [physics]),
     ]:
