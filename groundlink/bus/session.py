@@ -16,7 +16,7 @@ from typing import Any
 import zenoh
 import zenoh.ext
 
-from groundlink.core.errors import UserError
+from groundlink.core.errors import DeafSession, UserError
 from groundlink.messages.base import BusMessage, M, encode
 
 from . import zenoh_config
@@ -40,16 +40,6 @@ _ENDPOINT = re.compile(r"^(tcp|udp|tls|quic|ws)/(\[[0-9a-fA-F:]+\]|[^\s/:]+):(\d
 
 class BusError(UserError):
     """The bus cannot be joined."""
-
-
-class DeafSession(UserError):
-    """The session is connected, but its router sends nothing to it.
-
-    A session that has lost its link connects again under the same id. If the router is still
-    closing the old link then, which it does when several hosts are cut off one after the other,
-    Zenoh (1.10) may keep the new link and send to the old one: the session stays connected, what it
-    publishes arrives, and nothing comes to it. Only a new session ends this.
-    """
 
 
 class Bus:

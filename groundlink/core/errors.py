@@ -31,6 +31,16 @@ class RunFailed(UserError):
     exit_code: ClassVar[int] = 4
 
 
+class DeafSession(UserError):
+    """The session is connected, but its router sends nothing to it.
+
+    A session that has lost its link connects again under the same id. If the router is still
+    closing the old link then, which it does when several hosts are cut off one after the other,
+    Zenoh (1.10) may keep the new link and send to the old one: the session stays connected, what it
+    publishes arrives, and nothing comes to it. Only a new session ends this.
+    """
+
+
 def os_error_text(error: OSError) -> str:
     """Return the file name and the reason of an operating system error, with a fix if known."""
     if error.errno in TOO_MANY_FILES or error.filename is None:

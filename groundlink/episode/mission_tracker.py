@@ -230,6 +230,12 @@ class _Command:
     waiting: list[tuple[float, float, float]] = field(default_factory=list)
     """Commands that act later: time (s), m/s, rad/s."""
 
+    @property
+    def is_motion(self) -> bool:
+        """Whether the controller takes more than a standstill from the commands."""
+        speed, turn = self.ramped
+        return abs(speed) >= COMMANDED_MPS or abs(turn) >= COMMANDED_RADPS
+
 
 class MissionTracker:
     """Tracks the mission of one vehicle.
@@ -286,9 +292,8 @@ class MissionTracker:
         if last is not None:
             self._integrate(last, pose, speed, turn)
             downward_mps = (last.position_m[2] - position_m[2]) / (seconds - last.seconds)
-        is_commanded = abs(speed) >= COMMANDED_MPS or abs(turn) >= COMMANDED_RADPS
         is_given_up = self._is_silent(seconds) and self._is_known(STUCK)
-        if last is None or not (is_commanded or is_given_up):
+        if last is None or not (self._command.is_motion or is_given_up):
             self._latest.restart(seconds, position_m)
         upright = 1 - 2 * (x * x + y * y)
         self._judge(LEFT, self._is_outside(position_m), seconds, position_m)
@@ -371,8 +376,6 @@ class MissionTracker:
 
     def mission(self) -> Mission:
         """Return the figures up to the last state."""
-        speed, turn = self._command.ramped
-        is_commanded = abs(speed) >= COMMANDED_MPS or abs(turn) >= COMMANDED_RADPS
         present = [c.event for c in map(self._conditions.get, DELAYS) if c and c.event]
         seconds = 0.0 if self._pose is None else self._pose.seconds
         stuck = sum(seconds - event.begin_seconds for event in present if event.state == STUCK)
@@ -380,7 +383,7 @@ class MissionTracker:
         sums = self._sums
         return Mission(
             vehicle=self.vehicle.name,
-            state=ending.state if ending else DRIVING if is_commanded else STANDING,
+            state=ending.state if ending else DRIVING if self._command.is_motion else STANDING,
             seconds=seconds,
             route_share=None if self._route is None else self._route.share,
             driven_m=sums.driven_m,

@@ -43,7 +43,10 @@ class FieldChange:
         sheet.
         """
         path = self._located(document)
-        return isinstance(document.at(path[:-1]), dict) and self._put(document, path)
+        is_written_here = isinstance(document.at(path[:-1]), dict)
+        if is_written_here:
+            self._put(document, path)
+        return is_written_here
 
     def apply(self, document: Document) -> None:
         """Change a document whose references were followed.
@@ -64,10 +67,8 @@ class FieldChange:
                 )
         self._put(document, path)
 
-    def _put(self, document: Document, path: DataPath) -> bool:
-        part = Document(copy.deepcopy(self.value), {(): document.mark(path)})
-        document.put(path, part)
-        return True
+    def _put(self, document: Document, path: DataPath) -> None:
+        document.put(path, Document(copy.deepcopy(self.value), {(): document.mark(path)}))
 
     def _located(self, document: Document) -> DataPath:
         """Return the path in a document."""

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Missions of a run's vehicles, from the ground truth, commands and vitals on its bus."""
 
-from collections.abc import Iterable
+from collections.abc import Callable
+from functools import cache
 from math import inf
 
 from groundlink.bus.core_topics import COMMAND
@@ -34,25 +35,19 @@ class MissionMonitor:
 
     Parameters
     ----------
-    box
-        corners of the world; see `MissionTracker`.
+    scenario
+        None: there is nothing to track.
     until_seconds
         sim time after which states are ignored.
     """
 
-    def __init__(
-        self,
-        vehicles: Iterable[Vehicle] = (),
-        box: Bounds | None = None,
-        *,
-        until_seconds: float = inf,
-    ) -> None:
-        self._vehicles = [_VehicleMonitor(vehicle, box, until_seconds) for vehicle in vehicles]
-
-    @classmethod
-    def of(cls, scenario: Scenario, *, until_seconds: float = inf) -> "MissionMonitor":
-        """Return the monitor of a scenario's vehicles."""
-        return cls(scenario.vehicles, world_box(scenario), until_seconds=until_seconds)
+    def __init__(self, scenario: Scenario | None = None, *, until_seconds: float = inf) -> None:
+        # When the first vehicle moves: it takes up to 50 ms, and processes start meanwhile.
+        box = cache(lambda: None if scenario is None else world_box(scenario))
+        self._vehicles = [
+            _VehicleMonitor(vehicle, box, until_seconds)
+            for vehicle in (scenario.vehicles if scenario else ())
+        ]
 
     def subscribe(self, bus: Bus, run: str) -> None:
         """Receive the messages of a run."""
@@ -68,7 +63,7 @@ class MissionMonitor:
 
     def missions(self) -> list[Mission]:
         """Return the mission of each vehicle that is there."""
-        found = [vehicle.tracker.mission() for vehicle in self._vehicles if vehicle.is_known]
+        found = [vehicle.tracker.mission() for vehicle in self._vehicles if vehicle.tracker]
         newest = max((mission.seconds for mission in found), default=0.0)
         return [mission for mission in found if mission.seconds > newest - ABSENT_SECONDS]
 
@@ -76,18 +71,16 @@ class MissionMonitor:
 class _VehicleMonitor:
     """The mission of one vehicle in the present episode."""
 
-    def __init__(self, vehicle: Vehicle, box: Bounds | None, until_seconds: float) -> None:
+    def __init__(
+        self, vehicle: Vehicle, box: Callable[[], Bounds | None], until_seconds: float
+    ) -> None:
         self.name = vehicle.name
         self._until_seconds = until_seconds
         self.inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_DEPTH)
         self._vehicle, self._box = vehicle, box
         self._epoch_nanos, self._tick = 0, -1
-        self.tracker = MissionTracker(vehicle, box)
-
-    @property
-    def is_known(self) -> bool:
-        """Whether the time of the run is known, from the first vitals on."""
-        return self._tick >= 0
+        self.tracker: MissionTracker | None = None
+        """None until the first vitals, which tell the time of the run."""
 
     def update(self) -> None:
         while len(self.inbox) and (arrived := self.inbox.get(seconds=0)):
@@ -96,10 +89,10 @@ class _VehicleMonitor:
     def _take(self, message: BusMessage) -> None:
         """Take a message; all before the first vitals are skipped."""
         if isinstance(message, Vitals):
-            self._begin_episode(message)
             names = (contact.name for contact in message.contacts)
-            self.tracker.touched(message.tick * TICK_NANOS / NANOS, names)
-        elif not self.is_known:
+            tracker = self._tracker_of_episode(message)
+            tracker.touched(message.tick * TICK_NANOS / NANOS, names)
+        elif self.tracker is None:
             return
         elif isinstance(message, Odometry):
             seconds = self._seconds(message.stamp_nanos)
@@ -112,12 +105,14 @@ class _VehicleMonitor:
             twist = wheels_twist(self._vehicle.model, message.speeds_radps)
             self.tracker.commanded(self._seconds(message.stamp_nanos), *twist)
 
-    def _begin_episode(self, vitals: Vitals) -> None:
-        """Begin a new mission if vitals are of another episode."""
+    def _tracker_of_episode(self, vitals: Vitals) -> MissionTracker:
+        """Return the tracker; a new one if vitals are of another episode."""
         epoch_nanos = vitals.stamp_nanos - vitals.tick * TICK_NANOS
-        if epoch_nanos != self._epoch_nanos or vitals.tick < self._tick:
-            self.tracker = MissionTracker(self._vehicle, self._box)
+        is_other = epoch_nanos != self._epoch_nanos or vitals.tick < self._tick
+        if self.tracker is None or is_other:
+            self.tracker = MissionTracker(self._vehicle, self._box())
         self._epoch_nanos, self._tick = epoch_nanos, vitals.tick
+        return self.tracker
 
     def _seconds(self, stamp_nanos: int) -> float:
         return (stamp_nanos - self._epoch_nanos) / NANOS

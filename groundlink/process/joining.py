@@ -11,8 +11,8 @@ from pathlib import Path
 
 from groundlink.bus.core_topics import HEALTH, ROOT, ROUTER_KEY
 from groundlink.bus.queries import scenario_key
-from groundlink.bus.session import Bus, DeafSession
-from groundlink.core.errors import UserError
+from groundlink.bus.session import Bus
+from groundlink.core.errors import DeafSession, UserError
 from groundlink.messages.base import Health, StreamReport
 from groundlink.scenario import Scenario
 from groundlink.scenario.decoding import decode_scenario, missing_kinds

@@ -14,9 +14,14 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
-from groundlink.bus.session import DeafSession
 from groundlink.bus.zenoh_config import DEFAULT_ENDPOINT
-from groundlink.core.errors import TOO_MANY_FILES, RequirementError, UserError, os_error_reason
+from groundlink.core.errors import (
+    TOO_MANY_FILES,
+    DeafSession,
+    RequirementError,
+    UserError,
+    os_error_reason,
+)
 
 
 class NoSuchHost(UserError):

@@ -26,6 +26,8 @@ pytestmark = [pytest.mark.system, pytest.mark.alone]
 HEAVY = ("heavy_1", "heavy_2")
 SECONDS = {"skip": 6.0, "slow": 3.0}
 FULL_PACE = 0.97
+MOST_LATE_READINGS = 40
+"""Readings of two seconds."""
 
 
 def heavy_lidar(name: str) -> str:
@@ -93,9 +95,12 @@ def test_skip_keeps_the_pace_and_marks_all_that_it_leaves_out(overloaded: Run) -
         missing = stream.missing()
         print(topic, stream.due, stream.published, dict(missing))
         assert stream.due == stream.published + missing.total()
-        # What is under way is one second; a sensor that is so far behind may take longer to tell.
-        most_late = 0.02 * stream.due if topic.removeprefix("/") in HEAVY else 0
-        assert missing.pop(UNEXPLAINED, 0) <= most_late, topic
+        # A sensor reports after each revolution that it measures. One that is far behind may still
+        # measure when the recording ends; the readings after its last report are then unexplained.
+        late = [hole for hole in stream.holes() if hole.cause == UNEXPLAINED]
+        if late and topic.removeprefix("/") in HEAVY:
+            assert [hole.cause for hole in stream.holes()[-2:]] == [UNEXPLAINED, IN_TRANSIT], topic
+            assert missing.pop(UNEXPLAINED) == late[-1].readings <= MOST_LATE_READINGS, topic
         assert missing.keys() <= {"overloaded", IN_TRANSIT}, topic
     for name in HEAVY:
         assert overloaded.streams[f"/{name}"].missing()["overloaded"] > 0

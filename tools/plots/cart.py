@@ -27,9 +27,23 @@ def sheet(name: str, **fields: Any) -> dict[str, Any]:
     return {**yaml.safe_load(text), "name": "it", "topic": "/it", "frame": "it_link", **fields}
 
 
+def cart_model(wheels: tuple[str, str], *, drive: str) -> dict[str, Any]:
+    """Return the fields of a vehicle with two wheels, given by name."""
+    wheel = {"radius_m": 0.1, "width_m": 0.05, "mass_kg": 1}
+    return {
+        "name": "cart",
+        "chassis": {"mass_kg": 10, "size_m": [1, 1, 1]},
+        "suspension": {},
+        "wheels": [
+            {"name": name, "center_m": [0, y, 0], **wheel}
+            for name, y in zip(wheels, (0.25, -0.25), strict=True)
+        ],
+        "drive": {"kind": drive, "max_wheel_torque_nm": 10, "max_wheel_speed_radps": 10},
+    }
+
+
 def bench(sensor: dict[str, Any], *solids: Solid, seed: int = 1) -> Scenario:
     """Return a scenario with the sensor on a cart; material `gray` reflects a half."""
-    wheel = {"radius_m": 0.1, "width_m": 0.05, "mass_kg": 1}
     document: dict[str, Any] = {
         "name": "bench",
         "seed": seed,
@@ -37,20 +51,7 @@ def bench(sensor: dict[str, Any], *solids: Solid, seed: int = 1) -> Scenario:
         "vehicles": [
             {
                 "name": "cart",
-                "model": {
-                    "name": "cart",
-                    "chassis": {"mass_kg": 10, "size_m": [1, 1, 1]},
-                    "suspension": {},
-                    "wheels": [
-                        {"name": name, "center_m": [0, y, 0], **wheel}
-                        for name, y in zip(WHEELS, (0.25, -0.25), strict=True)
-                    ],
-                    "drive": {
-                        "kind": "differential",
-                        "max_wheel_torque_nm": 10,
-                        "max_wheel_speed_radps": 10,
-                    },
-                },
+                "model": cart_model(WHEELS, drive="differential"),
                 "sensors": [sensor],
             }
         ],

@@ -80,7 +80,7 @@ def record(options: argparse.Namespace) -> int:
     supervised_run = supervised.SupervisedRun(
         *(commands, run, options.listen, console),
         finite={running.RECORDER},
-        missions=MissionMonitor.of(scenario, until_seconds=options.duration),
+        missions=MissionMonitor(scenario, until_seconds=options.duration),
     )
     recorder, monitor = supervised_run.children[running.RECORDER], supervised_run.monitor
 

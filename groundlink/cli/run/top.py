@@ -57,7 +57,7 @@ def top(options: argparse.Namespace) -> int:
     stop = stop_on_signals()
     shown = console()
     with joined(options, stop=stop, observer=True) as (bus, run, scenario):
-        overview = Overview(run, declared_rates(scenario), MissionMonitor.of(scenario))
+        overview = Overview(run, declared_rates(scenario), MissionMonitor(scenario))
         overview.missions.subscribe(bus, run)
         prefix = HEALTH.key_in(run, process="")
         moves: deque[tuple[str, bool]] = deque()

@@ -106,7 +106,7 @@ def up(options: argparse.Namespace) -> int:
         *(commands, run, options.listen, console),
         finite=[running.VIEWER],  # The run continues after its window was closed.
         dispensable=dispensable,
-        missions=MissionMonitor.of(scenario),
+        missions=MissionMonitor(scenario),
     )
     monitor, children = supervised_run.monitor, supervised_run.children
     missions = supervised_run.missions.missions

@@ -30,15 +30,17 @@ def key_figures_of(recording: Path) -> dict[str, float]:
 def key_figures(run: RunSummary) -> dict[str, float]:
     """Return the figures by name, such as `driven m`."""
     figures: dict[str, float] = {}
+    missions = {mission.vehicle: mission for mission in run.missions}
     for motion, energy in zip(run.motions, run.energies, strict=True):
         whose = f"{motion.vehicle} " if len(run.motions) > 1 else ""
         figures[f"{whose}driven m"] = motion.distance_m
         figures[f"{whose}top speed m/s"] = motion.top_speed_mps
         if energy.last is not None:
             figures[f"{whose}motor work J"] = energy.last.motor_work_j
-        for mission in run.missions:
-            if mission.vehicle == motion.vehicle:
-                figures[f"{whose}stuck s"] = mission.stuck_seconds
+        if mission := missions.get(motion.vehicle):
+            figures[f"{whose}stuck s"] = mission.stuck_seconds
+            if mission.route_share is not None:
+                figures[f"{whose}route %"] = 100 * mission.route_share
         figures[f"{whose}contacts"] = len(energy.events) + energy.further_events
         truth = motion.track()
         for reading in run.readings[motion.vehicle]:
@@ -46,11 +48,6 @@ def key_figures(run: RunSummary) -> dict[str, float]:
                 error_m = reading.beside(truth)[:, 3]
                 figures[f"{reading.topic} error RMS m"] = float(np.sqrt(np.mean(error_m**2)))
                 figures[f"{reading.topic} error max m"] = float(error_m.max())
-    for mission in run.missions:
-        whose = f"{mission.vehicle} " if len(run.missions) > 1 else ""
-        if mission.route_share is not None:
-            figures[f"{whose}route %"] = 100 * mission.route_share
-        figures[f"{whose}stuck s"] = mission.stuck_seconds
     for stream in run.completeness:
         missing = stream.missing()
         del missing[IN_TRANSIT]

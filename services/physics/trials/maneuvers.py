@@ -19,7 +19,7 @@ from groundlink.scenario.vehicle import VehicleModel
 from services.physics.dynamics.backend import GRAVITY_MPS2
 from services.physics.dynamics.bullet import BulletBackend
 
-from .track import FLOOR_M, NAME, Drive, drive, put, slope, travels
+from .track import FLOOR_M, NAME, Drive, drive, put, ramp, slope, travels
 
 CURVE_TICKS = 8
 """Ticks between points of a curve: 50 points a second."""
@@ -313,8 +313,8 @@ def _pitch_deg(pose: NDArray[np.float64]) -> NDArray[np.float64]:
 def _profile(climb_deg: float) -> NDArray[np.float64]:
     """Return x and z of the ground under the climb: level, in steps to the slope, the slope."""
     points = [(CLIMB_FROM_M, 0.0), (SLOPE_AT_M, 0.0)]
-    for share, piece_m in ((0.2, 1.5), (0.4, 1.5), (0.6, 1.5), (0.8, 1.5), (1.0, CLIMB_M)):
-        pitch, (x, z) = radians(share * climb_deg), points[-1]
+    for pitch, piece_m in ramp(climb_deg, CLIMB_M):
+        x, z = points[-1]
         points.append((x + piece_m * cos(pitch), z + piece_m * sin(pitch)))
     return np.array(points)
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Test track: a level floor with one vehicle on it, and what else is put there."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import cos, radians, sin
 
@@ -93,16 +93,20 @@ def travels(model: VehicleModel, driven: Drive) -> tuple[float, float]:
     return float(np.mean(sides[True])), float(np.mean(sides[False]))
 
 
+def ramp(degrees: float, length_m: float) -> Iterator[tuple[float, float]]:
+    """Yield the pitch (rad) and the length (m) of the pieces of a ground that gets steeper."""
+    for share in (0.2, 0.4, 0.6, 0.8):
+        yield radians(share * degrees), 1.5
+    yield radians(degrees), length_m
+
+
 def slope(
     x_m: float, *, degrees: float, length_m: float = 40.0, material: str = "ground"
 ) -> list[Solid]:
     """Return a slope up along x, from `x_m` on, that a long vehicle can drive on to: by steps."""
     slabs = []
     z_m = 0.0
-    for i, (share, piece_m) in enumerate(
-        ((0.2, 1.5), (0.4, 1.5), (0.6, 1.5), (0.8, 1.5), (1.0, length_m))
-    ):
-        pitch = radians(share * degrees)
+    for i, (pitch, piece_m) in enumerate(ramp(degrees, length_m)):
         c, s = cos(pitch), sin(pitch)
         middle = (x_m + piece_m / 2 * c + s / 2, 0.0, z_m + piece_m / 2 * s - c / 2)
         shape = Box(size_m=(piece_m, 12.0, 1.0))

@@ -81,7 +81,7 @@ AHEAD = Command(0, (0.5, 0.0, 0.0), ZERO3)
     ],
 )
 def test_a_vehicle_at_a_wall_is_stuck(scenario: Scenario, command: BusMessage) -> None:
-    monitor = MissionMonitor.of(scenario)
+    monitor = MissionMonitor(scenario)
     assert monitor.missions() == []
     run_of(monitor, 10, command)
     (mission,) = monitor.missions()
@@ -94,7 +94,7 @@ def test_a_vehicle_at_a_wall_is_stuck(scenario: Scenario, command: BusMessage) -
 
 @pytest.mark.parametrize("epoch", [EPOCH, EPOCH + 10 * NANOS])
 def test_a_reset_begins_a_new_mission(scenario: Scenario, epoch: int) -> None:
-    monitor = MissionMonitor.of(scenario)
+    monitor = MissionMonitor(scenario)
     run_of(monitor, 10, AHEAD)
     run_of(monitor, 2, AHEAD, epoch)
     (mission,) = monitor.missions()
@@ -104,7 +104,7 @@ def test_a_reset_begins_a_new_mission(scenario: Scenario, epoch: int) -> None:
 
 def test_a_removed_vehicle_is_left_out() -> None:
     rovers = load("two_rovers")
-    monitor = MissionMonitor.of(rovers)
+    monitor = MissionMonitor(rovers)
     bus = StandInBus()
     monitor.subscribe(bus, "lab")  # type: ignore[arg-type]
     for tick in range(0, 4000, 40):

@@ -8,13 +8,14 @@ from pathlib import Path
 import pytest
 
 from groundlink.bus.core_topics import ROUTER_KEY
-from groundlink.bus.session import Bus, DeafSession
+from groundlink.bus.session import Bus
+from groundlink.core.errors import DeafSession
 from groundlink.process.joining import DEAF_SECONDS, WATCHED_SECONDS, RouterCheck
 
 PROGRAM = """
 import os, sys
 from pathlib import Path
-from groundlink.bus.session import DeafSession
+from groundlink.core.errors import DeafSession
 from groundlink.process.runner import run
 
 def main(arguments, stop):

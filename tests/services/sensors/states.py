@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import State, VehicleState, packed
 from groundlink.scenario.schema import Scenario
+from tools.plots.cart import cart_model
 
 EPOCH_NANOS = 1_700_000_000_000_000_000
 WHEELS = ("front_left", "front_right")
@@ -20,7 +21,6 @@ Floats = NDArray[np.float64]
 
 def scenario(*, seed: int = 1, frame_prefix: str = "") -> Scenario:
     """Return a scenario with one two-wheeled vehicle, `rover`, in an empty world."""
-    wheel = {"radius_m": 0.1, "width_m": 0.05, "mass_kg": 1}
     document: dict[str, Any] = {
         "name": "test",
         "seed": seed,
@@ -29,20 +29,7 @@ def scenario(*, seed: int = 1, frame_prefix: str = "") -> Scenario:
             {
                 "name": "rover",
                 "frame_prefix": frame_prefix,
-                "model": {
-                    "name": "cart",
-                    "chassis": {"mass_kg": 10, "size_m": [1, 1, 1]},
-                    "suspension": {},
-                    "wheels": [
-                        {"name": name, "center_m": [0, y, 0], **wheel}
-                        for name, y in zip(WHEELS, (0.25, -0.25), strict=True)
-                    ],
-                    "drive": {
-                        "kind": "skid_steer",
-                        "max_wheel_torque_nm": 10,
-                        "max_wheel_speed_radps": 10,
-                    },
-                },
+                "model": cart_model(WHEELS, drive="skid_steer"),
             }
         ],
     }
