@@ -30,6 +30,11 @@ def control_key(run: str) -> str:
     return f"{ROOT}/{run}/control"
 
 
+def world_query_key(run: str) -> str:
+    """Return the key that takes world queries (see `episode.world_queries`). Served by physics."""
+    return f"{ROOT}/{run}/world"
+
+
 def history_key(run: str) -> str:
     """Return the key of the states that a rejoining process missed. Served by physics."""
     return f"{ROOT}/{run}/state/history"

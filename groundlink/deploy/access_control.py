@@ -19,6 +19,7 @@ from groundlink.bus.queries import (
     journal_key,
     link_key,
     scenario_key,
+    world_query_key,
 )
 from groundlink.bus.topics import (
     BODIES,
@@ -49,6 +50,7 @@ _EXTRA_QUERIES = {OPERATOR: ["operate"], "gateway": ["control"]}
 """Additional query rules; the gateway sends run commands of ROS."""
 
 _PUBLIC_QUERIES = (scenario_key, asset_key, history_key, journal_key)
+_CONTROL_QUERIES = (control_key, world_query_key)
 
 _SUBSCRIBE = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
 _QUERY = ["query"]
@@ -70,7 +72,7 @@ class Grant(NamedTuple):
 def grants(scenario: Scenario) -> Iterator[tuple[str, Grant]]:
     """Yield the name and permissions of each process of a scenario, observers and the operator."""
     published = (STATE, CLOCK, BODIES, GROUND_TRUTH, TRUE_WHEELS, JOINTS, VITALS)
-    served = (*(key("*") for key in _PUBLIC_QUERIES), control_key("*"))
+    served = tuple(key("*") for key in (*_PUBLIC_QUERIES, *_CONTROL_QUERIES))
     yield "physics", Grant((*_own("physics"), *(row.key_in("*") for row in published)), served)
     for vehicle in scenario.vehicles:
         for sensor in vehicle.sensors:
@@ -97,7 +99,7 @@ def access_control(scenario: Scenario) -> dict[str, Any]:
         _rule("receive", _ALL_MESSAGES, [ALL], flow="egress"),
         _rule("subscribe", _SUBSCRIBE, [ALL]),
         _rule("query", _QUERY, [f"{key('*')}/**" for key in _PUBLIC_QUERIES]),
-        _rule("control", _QUERY, [f"{control_key('*')}/**"]),
+        _rule("control", _QUERY, [f"{key('*')}/**" for key in _CONTROL_QUERIES]),
         _rule("operate", _QUERY, [ALL]),
     ]
     subjects, policies = [], []

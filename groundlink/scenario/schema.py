@@ -37,7 +37,7 @@ if not TYPE_CHECKING:
     Sensor = sensor_union()
 
 RESERVED_NAMES = frozenset(
-    "ack assets bodies clock control faults gaps health journal link scenario state".split()
+    "ack assets bodies clock control faults gaps health journal link scenario state world".split()
 )
 """Second parts of the bus's own keys. Vehicles cannot have these names."""
 
@@ -66,6 +66,53 @@ class Datum(Spec, frozen=True):
     geoid_m: float = 0.0
     """Height of the geoid above the ellipsoid. Maps and NMEA sentences give altitudes above the
     geoid."""
+
+
+Category = Literal["object", "robot", "human", "dynamic_object", "static_object"]
+"""Major categories of entities, as simulation_interfaces has them."""
+
+
+class EntityDescription(Spec, frozen=True, kw_only=True):
+    """What tools are told about an entity."""
+
+    category: Category | None = None
+    """Category; none: vehicles are robots, persons humans, other actors dynamic objects, and
+    everything else static objects."""
+
+    description: str = ""
+    """Description for people."""
+
+    tags: tuple[str, ...] = ()
+    """Tags by which tools select entities."""
+
+
+class PoseBox(Spec, frozen=True, kw_only=True):
+    """Free space around a named pose, a box in the frame of the pose."""
+
+    low_m: Vector3
+    """Lowest corner of the box."""
+
+    high_m: Vector3
+    """Highest corner of the box."""
+
+
+class NamedPose(Spec, frozen=True, kw_only=True):
+    """A pose in the world that tools know by name, such as a parking place or a goal."""
+
+    position_m: Vector3
+    """Position in the world."""
+
+    yaw_deg: float = 0.0
+    """Heading, counterclockwise from the world's x axis."""
+
+    description: str = ""
+    """Description for people."""
+
+    tags: tuple[str, ...] = ()
+    """Tags by which tools select poses, such as `spawn`, `parking` or `goal`."""
+
+    box: PoseBox | None = None
+    """Free space around the pose; none: not stated."""
 
 
 class World(Spec, frozen=True, kw_only=True):
@@ -112,6 +159,18 @@ class World(Spec, frozen=True, kw_only=True):
 
     weather: Weather = Weather()
     """Fog, rain and dust; default: clear and dry."""
+
+    description: str = ""
+    """Description for people."""
+
+    tags: tuple[str, ...] = ()
+    """Tags by which tools select worlds, such as `indoor`."""
+
+    poses: dict[Name, NamedPose] = field(default_factory=dict)
+    """Named poses by name, such as parking places."""
+
+    entities: dict[str, EntityDescription] = field(default_factory=dict)
+    """Descriptions of actors, solids, furniture and vehicles for tools, by name."""
 
 
 class Placement(Spec, frozen=True):

@@ -25,7 +25,7 @@ def test_every_message_of_the_bus_has_a_row() -> None:
 
 def test_first_words_of_keys_are_reserved() -> None:
     words = {topic.key.split("/")[0] for topic in TOPICS} - {"{vehicle}"}
-    assert words | {"scenario", "link", "control", "assets", "journal"} == RESERVED_NAMES
+    assert words | {"scenario", "link", "control", "world", "assets", "journal"} == RESERVED_NAMES
     last = {topic.key.split("/")[1] for topic in TOPICS if topic.key.startswith("{vehicle}/")}
     assert last - {"{sensor}"} | {"driver"} == RESERVED_SENSOR_NAMES
 

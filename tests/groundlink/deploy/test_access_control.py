@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from groundlink.bus.core_topics import COMMAND, STATE
-from groundlink.bus.queries import control_key, faults_key, link_key
+from groundlink.bus.queries import control_key, faults_key, link_key, world_query_key
 from groundlink.bus.topics import JOINT_COMMAND, SENSOR_TOPICS, WHEEL_COMMAND, process_names
 from groundlink.deploy.access_control import OPERATOR, access_control, grants
 from groundlink.loader import load
@@ -50,6 +50,7 @@ def test_vehicles_obey_ros_their_driver_and_the_operator(tour: Scenario) -> None
     ("key", "process"),
     [
         (control_key("*"), "physics"),
+        (world_query_key("*"), "physics"),
         (link_key("*"), "gateway"),
         (faults_key("*", "rover/imu"), "rover/imu"),
     ],
@@ -80,7 +81,7 @@ def test_what_each_process_may_ask_is_what_the_rules_name_and_no_more(tour: Scen
             *(f"groundlink/*/{what}/**" for what in ("scenario", "assets", "state/history")),
             "groundlink/*/journal/**",
         ],
-        "control": ["groundlink/*/control/**"],
+        "control": ["groundlink/*/control/**", "groundlink/*/world/**"],
         "operate": ["groundlink/**"],
     }
     more = {OPERATOR: {"operate"}, "gateway": {"control"}}
