@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Client of a run's control queryable: send a run command to physics, return its answer."""
+"""Client of a run's control and world queryables: send physics a command, return its answer."""
 
 import time
 from collections.abc import Iterator
@@ -9,11 +9,14 @@ import msgspec
 from groundlink.core.errors import UserError
 from groundlink.episode.control import AnyRunCommand, ControlAnswer, Restore
 
-from .queries import control_key, journal_key
+from .queries import control_key, journal_key, world_query_key
 from .session import Bus
 
 ANSWER_SECONDS = 7.0
 """Timeout of a query. A busy physics process answers within 6 s."""
+
+WORLD_SECONDS = 30.0
+"""Timeout of a world query. Loading a world takes seconds."""
 
 POLL_SECONDS = 0.05
 """Poll period while a command is in progress."""
@@ -36,14 +39,21 @@ def send_command(
     """
     parameters = msgspec.json.encode(command).decode() if command is not None else ""
     replies = bus.query(control_key(run), parameters, seconds=ANSWER_SECONDS, content=content)
-    if not replies:
-        raise UserError(
-            f"run `{run}`: physics does not answer. Fix: check that its process is running"
-        )
-    answer = msgspec.json.decode(next(iter(replies.values())), type=ControlAnswer)
+    answer = msgspec.json.decode(_only_reply(run, replies), type=ControlAnswer)
     if answer.error:
         raise UserError(f"run `{run}`: {answer.error}")
     return answer
+
+
+def ask_world(bus: Bus, run: str, query: bytes) -> bytes:
+    """Send a world query, JSON, to physics; return its answer, JSON as well.
+
+    Raises
+    ------
+    UserError
+        if physics does not answer.
+    """
+    return _only_reply(run, bus.query(world_query_key(run), seconds=WORLD_SECONDS, content=query))
 
 
 def run_status(bus: Bus, run: str) -> ControlAnswer:
@@ -83,3 +93,12 @@ def fetch_journal(bus: Bus, run: str) -> bytes:
             f"run `{run}`: no journal. Fix: check that physics is running and has made a first step"
         )
     return content
+
+
+def _only_reply(run: str, replies: dict[str, bytes]) -> bytes:
+    """Return the reply of physics, or raise a UserError if there is none."""
+    if not replies:
+        raise UserError(
+            f"run `{run}`: physics does not answer. Fix: check that its process is running"
+        )
+    return next(iter(replies.values()))

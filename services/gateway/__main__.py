@@ -53,7 +53,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
                     scenario = carrier.run(stop)
         finally:
             resolver.close()
-            session.run_commands.close()
+            session.close()
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from functools import cached_property, partial
 from typing import NamedTuple
 
-from groundlink.bus.control_client import send_command
+from groundlink.bus.control_client import ask_world, send_command
 from groundlink.bus.core_topics import ACK, GATEWAY, HEALTH, PHYSICS, ROOT, STATE, Delivery
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import history_key, link_key
@@ -21,7 +21,9 @@ from groundlink.scenario import Scenario
 
 from .emulated_socket import EmulatedSocket
 from .gateway import Gateway
-from .run_commands import RunCommandQueue
+from .request_queue import RequestQueue
+from .run_commands import execute_run_command
+from .world_queries import execute_world_query
 
 INBOX_MESSAGES = 4096
 """Messages of the bus that may wait: some seconds of all streams together."""
@@ -47,7 +49,12 @@ class BusSession:
         self.bus, self.run, self._claim = bus, run, claim
         self.inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_MESSAGES)
         self.acknowledge = bus.publisher(ACK.key_in(run, process=GATEWAY), ACK.delivery)
-        self.run_commands = RunCommandQueue(partial(send_command, bus, run), backlog=self.inbox)
+        self.run_commands = RequestQueue(
+            partial(execute_run_command, partial(send_command, bus, run)), backlog=self.inbox
+        )
+        self.world_queries = RequestQueue(
+            partial(execute_world_query, partial(ask_world, bus, run)), backlog=self.inbox
+        )
         self.handed_over: tuple[int | None, bytes] = (None, b"")
         """Episode and memory of the last carrier."""
 
@@ -57,6 +64,11 @@ class BusSession:
         self._physics: BusInbox[Health] = BusInbox(depth=16)
         self._worlds: int | None = None
         bus.subscribe(HEALTH.key_in(run, process=PHYSICS), Health, self._physics)
+
+    def close(self) -> None:
+        """End the threads that execute requests of the peer."""
+        self.run_commands.close()
+        self.world_queries.close()
 
     @cached_property
     def heartbeat(self) -> Heartbeat:

@@ -28,6 +28,7 @@ from udp_bridge.wire.printable import printable
 from udp_bridge.wire.run_commands import RunCommandReply
 from udp_bridge.wire.seal import TO_ROS
 from udp_bridge.wire.types import CONTROL
+from udp_bridge.wire.world_queries import WorldReply
 
 from .bus_session import BusSession
 from .emulated_socket import EmulatedSocket
@@ -133,6 +134,7 @@ class StreamCarrier:
             peer=self._peer,
             publish=session.publish,
             on_run_command=session.run_commands.put,
+            on_world_query=session.world_queries.put,
             replies=replies,
         )
         session.declare(self._gateway)
@@ -147,6 +149,7 @@ class StreamCarrier:
             )
             opened.enter_context(rmw_zenoh(scenario, self._gateway))
             session.run_commands.reply_with(self._send_reply)
+            session.world_queries.reply_with(self._send_reply)
             session.subscribe(self._gateway, scenario, in_order=replies is not None)
             self._heartbeat = session.heartbeat
             self._memory = GatewayMemory(self._gateway, self._emulated, session.acknowledge)
@@ -223,7 +226,7 @@ class StreamCarrier:
         counts |= self._follower.counts
         self._heartbeat.beat(self._follower.tick, counts, streams, is_well=not wire["deaf"])
 
-    def _send_reply(self, reply: RunCommandReply) -> None:
+    def _send_reply(self, reply: RunCommandReply | WorldReply) -> None:
         self._link.send(CONTROL, "", "", time.time_ns(), reply.pack())
 
 

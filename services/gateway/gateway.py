@@ -25,7 +25,7 @@ from groundlink.scenario import Scenario
 from services.gateway.lockstep.reply_mailbox import ReplyMailbox
 from udp_bridge.io.link import Link
 from udp_bridge.wire import control
-from udp_bridge.wire.control import BarrierReply, LinkReport, RunCommand, Subscribe
+from udp_bridge.wire.control import BarrierReply, LinkReport, RunCommand, Subscribe, WorldQuery
 from udp_bridge.wire.fragments import TooLarge
 from udp_bridge.wire.header import BadMessage as BadHeader
 from udp_bridge.wire.header import Refused
@@ -52,8 +52,8 @@ class Gateway:
     ----------
     publish
         publishes a message from ROS on the bus, by its key.
-    on_run_command
-        called with each run command of the peer; must not block.
+    on_run_command, on_world_query
+        called with each run command and world query of the peer; must not block.
     replies
         gets the messages of the peer in lockstep; None in other runs.
     """
@@ -66,6 +66,7 @@ class Gateway:
         peer: Address,
         publish: Callable[[str, BusMessage], object],
         on_run_command: Callable[[RunCommand], object] = lambda command: None,
+        on_world_query: Callable[[WorldQuery], object] = lambda query: None,
         replies: ReplyMailbox | None = None,
     ) -> None:
         self.streams: Mapping[str, Outgoing] = {s.key: s for s in outgoing(scenario, run)}
@@ -78,7 +79,8 @@ class Gateway:
         """ROS type of the streams that have no number on the wire."""
 
         self.peer = peer
-        self._publish, self._on_run_command, self._replies = publish, on_run_command, replies
+        self._publish, self._replies = publish, replies
+        self._on_run_command, self._on_world_query = on_run_command, on_world_query
         self._scenario = scenario
         self.subscriptions = RosSubscriptions(scenario, run)
         self._has_subscribed = False
@@ -288,11 +290,13 @@ class Gateway:
     def _on_control(self, message: WireMessage, sender: Address) -> None:
         body = control.parse(message.body)
         if sender != self.peer:
-            # Other subscribers may report, but only the peer controls time.
-            self.counts["refused"] += isinstance(body, RunCommand | BarrierReply)
+            # Other subscribers may report, but only the peer controls time and the world.
+            self.counts["refused"] += isinstance(body, RunCommand | WorldQuery | BarrierReply)
         elif isinstance(body, BarrierReply) and self._replies is not None:
             self._replies.put_reply(body, message.topic)
         elif isinstance(body, RunCommand):
             self._on_run_command(body)
+        elif isinstance(body, WorldQuery):
+            self._on_world_query(body)
         elif isinstance(body, LinkReport):
             self._reports.link = body

@@ -32,6 +32,7 @@ from udp_bridge.wire.run_commands import PAUSED, STEP, RunCommand, RunCommandRep
 from udp_bridge.wire.seal import Seal
 from udp_bridge.wire.typed import pack_typed, parse_typed
 from udp_bridge.wire.types import CONTROL, REPAIR, RESEND, SEALED, SUBSCRIBE, TYPED
+from udp_bridge.wire.world_queries import WorldQuery, WorldReply, pack_text
 
 from .pcap import Packet, write
 from .tshark import Decoded, columns, decode
@@ -197,6 +198,18 @@ BODIES: list[tuple[int, bytes, str, dict[str, object]]] = [
         {"cookie": bytes(range(12)).hex(":")},
     ),
     (
+        CONTROL,
+        WorldQuery(2**63, pack_text('{"query": "world"}')).pack(),
+        "world_query",
+        {"number": 2**63},
+    ),
+    (
+        CONTROL,
+        WorldReply(2**64 - 1, pack_text('{"error": "próblem"}')).pack(),
+        "world_reply",
+        {"number": 2**64 - 1},
+    ),
+    (
         RESEND,
         Offer(1, 20, 500).pack(),
         "offer",
@@ -246,6 +259,19 @@ def test_bodies_that_are_not_plain_cdr(
     assert "refused" not in fields
     expected = {f"{name}.{field}": str(value) for field, value in values.items()}
     assert expected.items() <= fields.items()
+
+
+def test_the_text_of_a_world_query_is_shown_decompressed(tmp_path: Path) -> None:
+    head = Header(CONTROL, 0, 0, 1, 1000, 0).pack()
+    whole, broken = pack_text('{"name": "próblem"}'), b"no zlib"
+    found = decoded(
+        tmp_path,
+        [head + of(1, text).pack() for of in (WorldQuery, WorldReply) for text in (whole, broken)],
+    )
+    for fields, packed in zip(found, (whole, broken) * 2, strict=True):
+        assert "refused" not in fields
+        assert fields["world_text.packed"] == packed.hex(":")
+        assert fields.get("world_text.text") == ('{"name": "próblem"}' if packed == whole else None)
 
 
 def test_the_ranges_of_a_barrier_are_shown(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from udp_bridge.node.command_client import PRESENT_NANOS, CommandFailed, RunCommandClient
 from udp_bridge.wire.run_commands import PAUSE, PAUSED, RESET, RUNNING, RunCommand, RunCommandReply
+from udp_bridge.wire.world_queries import TEXT_BYTES, WorldQuery, WorldReply, pack_text, unpack_text
 
 GATEWAY = ("127.0.0.1", 7510)
 OTHER = ("127.0.0.1", 7520)
@@ -124,3 +125,66 @@ def test_no_command_waits_after_the_end() -> None:
     with pytest.raises(CommandFailed, match="the bridge is ending"):
         gateway.client.call(PAUSE)
     assert len(gateway.commands) == 1
+
+
+class WorldGateway:
+    """Stands for the link and a gateway that answers world queries."""
+
+    def __init__(self, reply: Callable[[WorldQuery, int], object]) -> None:
+        self.queries: list[WorldQuery] = []
+        self._reply = reply
+        self.client = RunCommandClient(self.send, query_timeout_s=0.3)
+        self.client.gateway_seen(GATEWAY)
+
+    def send(self, query: object, to: tuple[str, int]) -> None:
+        assert isinstance(query, WorldQuery)
+        self.queries.append(query)
+        self._reply(query, len(self.queries) - 1)
+
+    def answer(self, query: WorldQuery, text: str = "") -> None:
+        packed = pack_text(text or unpack_text(query.packed_text).upper())
+        self.client.reply_received(WorldReply(query.number, packed), GATEWAY)
+
+
+def test_a_lost_query_is_repeated_with_its_number_and_answered() -> None:
+    gateway = WorldGateway(lambda query, before: before == 2 and gateway.answer(query))
+    assert gateway.client.ask("{ż}") == "{Ż}"
+    assert len(gateway.queries) == 3
+    assert len(set(gateway.queries)) == 1
+
+
+def test_queries_and_commands_are_numbered_together_and_not_confused() -> None:
+    def reply(query: WorldQuery, before: int) -> None:
+        gateway.client.reply_received(RunCommandReply(query.number, RUNNING, 1), GATEWAY)
+        gateway.client.reply_received(WorldReply(query.number, pack_text("no")), OTHER)
+        gateway.client.reply_received(WorldReply(query.number - 1, pack_text("no")), GATEWAY)
+        gateway.answer(query)
+
+    gateway = WorldGateway(reply)
+    assert [gateway.client.ask(text) for text in "abc"] == ["A", "B", "C"]
+    numbers = [query.number for query in gateway.queries]
+    assert numbers == sorted(set(numbers))
+
+
+def test_a_gateway_that_does_not_know_queries_is_named() -> None:
+    gateway = WorldGateway(lambda query, before: None)
+    with pytest.raises(
+        CommandFailed,
+        match=r"^the gateway at 127\.0\.0\.1:7510 was silent for 0\.3 s; one of an older version "
+        r"does not answer world queries\. Fix: .*$",
+    ):
+        gateway.client.ask("{}")
+    assert len(gateway.queries) == 3
+
+
+def test_text_that_cannot_be_sent_or_read() -> None:
+    gateway = WorldGateway(
+        lambda query, before: gateway.client.reply_received(
+            WorldReply(query.number, b"no zlib"), GATEWAY
+        )
+    )
+    with pytest.raises(CommandFailed, match=r"the query can't be sent: .* at most 4194304"):
+        gateway.client.ask(" " * (TEXT_BYTES + 1))
+    assert gateway.queries == []
+    with pytest.raises(CommandFailed, match="the gateway's answer can't be read: body_value"):
+        gateway.client.ask("{}")

@@ -141,7 +141,7 @@ def controls() -> list[Arrival]:
     links += [links[-1] + bytes(8), links[4] + bytes(8) + b"\1a", links[0] + bytes(8) + b"\2a"]
     bodies += links
     bodies += [b"", b"\3\0\0\0", bytes([255]) + bytes(20)]
-    bodies += [bytes([kind]) + bytes(size) for kind in (8, 9, 10) for size in (14, 15, 16)]
+    bodies += [bytes([kind]) + bytes(size) for kind in (8, 9, 12) for size in (14, 15, 16)]
     for whole in (bodies[0], report.pack(), links[0], links[1], b"\3\0\0\0"):
         bodies += [whole[:-1], whole + b"\0", whole[:1]]
     head = Header(CONTROL, 0, 0, 1, 1, 0, "/a").pack()

@@ -12,7 +12,7 @@ from udp_bridge import Limits, parse
 from udp_bridge.receiver import assembly, nack, round_trip
 from udp_bridge.sender import flow_control as flow
 from udp_bridge.sender import resend
-from udp_bridge.wire import address_validation, control
+from udp_bridge.wire import address_validation, control, world_queries
 from udp_bridge.wire.control import Subscribe
 
 from .vectors import load
@@ -89,6 +89,8 @@ def reasons_in(path: Path) -> set[str]:
         ("**Kind 7, RunCommandReply**", 24),
         ("**Kind 8, AddressChallenge**", 16),
         ("**Kind 9, AddressResponse**", 16),
+        ("**Kind 10, WorldQuery**", 16),
+        ("**Kind 11, WorldReply**", 16),
         ("**The cookie**", 12),
         ("**Kind 0, Offer**", 8),
         ("**Kind 1, Request**", 8),
@@ -157,5 +159,7 @@ def test_limits_on_the_page_are_those_in_code() -> None:
         f"At most {address_validation.VALIDATED_MAX} addresses are validated at a time,"
         f" {address_validation.VALIDATED_PER_HOST} of one host",
         f"for {address_validation.COOKIE_NANOS // 10**9} s after `issued`",
+        f"UTF-8 of at most {world_queries.TEXT_BYTES:,} bytes".replace(",", " "),
+        f"it has at most {world_queries.PACKED_BYTES:,} bytes".replace(",", " "),
     ):
         assert text in re.sub(r"\s+", " ", PAGE), text

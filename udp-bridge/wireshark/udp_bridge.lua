@@ -166,6 +166,14 @@ local ADDRESS_RESPONSE = layout("address_response", {
     size = 16,
     {4, 12, "cookie", ProtoField.bytes, "Cookie"},
 })
+local WORLD_QUERY = layout("world_query", {
+    size = 16,
+    {8, 8, "number", u64, "Number of the query"},
+})
+local WORLD_REPLY = layout("world_reply", {
+    size = 16,
+    {8, 8, "number", u64, "Number of the query"},
+})
 local SENT = layout("sent", {
     size = 8,
     {0, 1, "msg_type", u8, "Type", base.DEC, TYPE_NAMES},
@@ -200,12 +208,14 @@ local SEAL = layout("sealed", {
 field("control.kind", u8, "Kind of Control", base.DEC,
     {[0] = "Credit", [1] = "TopicReport", [2] = "LinkReport", [3] = "CreditRequest",
      [4] = "Barrier", [5] = "BarrierReply", [6] = "RunCommand", [7] = "RunCommandReply",
-     [8] = "AddressChallenge", [9] = "AddressResponse"})
+     [8] = "AddressChallenge", [9] = "AddressResponse", [10] = "WorldQuery", [11] = "WorldReply"})
 field("sent.topic", ProtoField.string, "Topic", base.UNICODE)
 field("response.msg_type", u8, "Type of the responses (0: any)", base.DEC, TYPE_NAMES)
 field("response.topic", ProtoField.string, "Responses on", base.UNICODE)
 field("response.of", ProtoField.string, "each message on", base.UNICODE)
 field("run_command_reply.error", ProtoField.string, "Error", base.UNICODE)
+field("world_text.packed", ProtoField.bytes, "Compressed text")
+field("world_text.text", ProtoField.string, "Text", base.UNICODE)
 field("resend.kind", u8, "Kind of Resend", base.DEC, {[0] = "Offer", [1] = "Request"})
 field("link_report.reason", ProtoField.string, "Reason")
 field("link_report.reason_count", u64, "Datagrams refused for it")
@@ -424,6 +434,10 @@ local function control_body(body)
         if body:len() ~= ADDRESS_CHALLENGE.size then return nil, "body_size" end
         return kind == 8 and ADDRESS_CHALLENGE or ADDRESS_RESPONSE, nil
     end
+    if kind == 10 or kind == 11 then
+        if body:len() < WORLD_QUERY.size then return nil, "body_size" end
+        return kind == 10 and WORLD_QUERY or WORLD_REPLY, nil
+    end
     if not rows then return nil, "body_value" end
     if body:len() ~= rows.size then return nil, "body_size" end
     local is_bad = kind == 1 and not counts_fit(body)
@@ -561,6 +575,18 @@ local function show_listed(body, responses, tree)
     end
 end
 
+-- Shows the text of a world query or its reply. It is not judged: a receiver does that later.
+local function show_world_text(packed, tree)
+    tree:add(fields["world_text.packed"], packed)
+    for _, name in ipairs({"uncompress_zlib", "uncompress"}) do  -- renamed in Wireshark 4.4
+        local is_done, text = pcall(function() return packed[name](packed, "Text") end)
+        if is_done and text then
+            tree:add_packet_field(fields["world_text.text"], text, ENC_UTF_8)
+            return
+        end
+    end
+end
+
 local function show_body(buffer, tree)
     local msg_type, parts_max = buffer(0, 1):uint(), buffer(7, 1):uint()
     local body = body_of(buffer)
@@ -586,6 +612,8 @@ local function show_body(buffer, tree)
         show_listed(body, rows == BARRIER and body(2, 1):uint() or 0, tree)
     elseif rows == RUN_COMMAND_REPLY and body:len() > RUN_COMMAND_REPLY.size then
         tree:add_packet_field(fields["run_command_reply.error"], body(RUN_COMMAND_REPLY.size), ENC_UTF_8)
+    elseif (rows == WORLD_QUERY or rows == WORLD_REPLY) and body:len() > rows.size then
+        show_world_text(body(rows.size), tree)
     elseif rows == REQUEST and body:len() > REQUEST.size then
         local parts = table.concat(wanted_parts(body), " ")
         tree:add(fields["request.parts"], body(REQUEST.size), parts)

@@ -36,7 +36,7 @@ from tests.udp_bridge.vectors import VECTORS
 from tests.vectors.examples import EXAMPLES
 from udp_bridge.sender.delivery_counts import DeliveryCounts
 from udp_bridge.wire import run_commands as wire_commands
-from udp_bridge.wire.control import LinkReport, RunCommand, Subscribe, TopicReport
+from udp_bridge.wire.control import LinkReport, RunCommand, Subscribe, TopicReport, WorldQuery
 from udp_bridge.wire.message import Message as WireMessage
 from udp_bridge.wire.types import CONTROL, SUBSCRIBE, type_number
 
@@ -83,6 +83,7 @@ class Bench:
     def __init__(self, scenario: Scenario | None = None) -> None:
         self.commands: list[tuple[str, BusMessage]] = []
         self.run_commands: list[RunCommand] = []
+        self.world_queries: list[WorldQuery] = []
         self.link = RecordingLink()
         self.gateway = Gateway(
             scenario or load(SHIPPED / "indoor_lab.yaml"),
@@ -90,6 +91,7 @@ class Bench:
             peer=PEER,
             publish=lambda key, message: self.commands.append((key, message)),
             on_run_command=self.run_commands.append,
+            on_world_query=self.world_queries.append,
         )
 
     def forward(self, name: str, message: BusMessage) -> None:
@@ -417,6 +419,16 @@ def test_only_the_peer_may_send_run_commands(bench: Bench) -> None:
     assert bench.gateway.counts["refused"] == 1
     bench.hear(CONTROL, "", RunCommand(6, wire_commands.RESET).pack())
     assert bench.run_commands == [RunCommand(6, wire_commands.RESET)]
+    assert bench.gateway.counts["refused"] == 1
+
+
+def test_only_the_peer_may_send_world_queries(bench: Bench) -> None:
+    bench.hear(CONTROL, "", WorldQuery(5, b"text").pack(), STRANGER)
+    assert bench.world_queries == []
+    assert bench.gateway.counts["refused"] == 1
+    bench.hear(CONTROL, "", WorldQuery(6, b"text").pack())
+    assert bench.world_queries == [WorldQuery(6, b"text")]
+    assert bench.run_commands == []
     assert bench.gateway.counts["refused"] == 1
 
 

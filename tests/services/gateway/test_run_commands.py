@@ -4,6 +4,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,8 @@ from groundlink.core.errors import UserError
 from groundlink.episode.control import AnyRunCommand, ControlAnswer, Pause, Reset, Resume, Step
 from groundlink.scenario.ros_side import GatewaySettings
 from services.gateway.carrier import sockets
-from services.gateway.run_commands import COMMANDS_WAITING, REPLIES_KEPT, RunCommandQueue
+from services.gateway.request_queue import REPLIES_KEPT, REQUESTS_WAITING, RequestQueue
+from services.gateway.run_commands import execute_run_command
 from udp_bridge import Link, Message
 from udp_bridge.io.address_guard import open_socket
 from udp_bridge.wire import run_commands
@@ -22,7 +24,7 @@ from udp_bridge.wire.types import CONTROL
 
 
 class Bench:
-    """RunCommandQueue with a physics that answers when it is let."""
+    """RequestQueue of run commands with a physics that answers when it is let."""
 
     def __init__(self) -> None:
         self.asked: list[AnyRunCommand | None] = []
@@ -32,7 +34,7 @@ class Bench:
         self.answers.set()
         self.backlog: list[int] = []
         self._told = threading.Condition()
-        self.commands = RunCommandQueue(self._ask, backlog=self.backlog)
+        self.commands = RequestQueue(partial(execute_run_command, self._ask), backlog=self.backlog)
         self.commands.reply_with(self._tell)
 
     def _ask(self, command: AnyRunCommand | None) -> ControlAnswer:
@@ -126,13 +128,13 @@ def test_so_many_wait_and_no_more(bench: Bench) -> None:
     bench.commands.put(RunCommand(0, run_commands.PAUSE))
     while not bench.asked:  # until it is with physics and waits no longer
         time.sleep(0.001)
-    for number in range(1, COMMANDS_WAITING + 10):
+    for number in range(1, REQUESTS_WAITING + 10):
         bench.commands.put(RunCommand(number, run_commands.PAUSE))
     bench.answers.set()
-    bench.wait(lambda: len(bench.told) == COMMANDS_WAITING + 1)
+    bench.wait(lambda: len(bench.told) == REQUESTS_WAITING + 1)
     bench.commands.put(RunCommand(5000, run_commands.PAUSE))
     bench.wait(lambda: bench.told[-1].number == 5000)
-    assert [answer.number for answer in bench.told[:-1]] == list(range(COMMANDS_WAITING + 1))
+    assert [answer.number for answer in bench.told[:-1]] == list(range(REQUESTS_WAITING + 1))
 
 
 def test_memory_is_bounded(bench: Bench) -> None:
@@ -140,8 +142,8 @@ def test_memory_is_bounded(bench: Bench) -> None:
     for number in range(1000):
         bench.commands.put(RunCommand(number, run_commands.PAUSE))
     bench.answers.set()
-    bench.wait(lambda: len(bench.told) >= COMMANDS_WAITING)
-    assert len(bench.told) <= COMMANDS_WAITING + 1  # one is with physics
+    bench.wait(lambda: len(bench.told) >= REQUESTS_WAITING)
+    assert len(bench.told) <= REQUESTS_WAITING + 1  # one is with physics
     first = bench.told[0].number
     for number in range(2000, 2000 + REPLIES_KEPT):
         sent = len(bench.told)

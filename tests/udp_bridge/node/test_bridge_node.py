@@ -2,6 +2,7 @@
 """The end that both nodes are, with a real link and a ROS that the test plays."""
 
 import logging
+import random
 import threading
 from typing import Any
 
@@ -13,8 +14,9 @@ from udp_bridge.node import bridge_node as module
 from udp_bridge.node.bridge_node import BridgeNode, Settings
 from udp_bridge.node.publish_queue import Publication
 from udp_bridge.node.subscriptions import Subscription
-from udp_bridge.wire.control import Subscribe
-from udp_bridge.wire.types import SUBSCRIBE, type_number
+from udp_bridge.wire import control
+from udp_bridge.wire.control import Subscribe, WorldQuery, WorldReply
+from udp_bridge.wire.types import CONTROL, SUBSCRIBE, type_number
 
 TEXT, TWIST = type_number("String"), type_number("Twist")
 BODY = b"\x00\x01\x00\x00\x02\x00\x00\x00a\x00"
@@ -110,3 +112,20 @@ def test_an_address_in_use_leaves_no_thread(ros: Ros) -> None:
             made(ros, bind=f"127.0.0.1:{other.address[1]}")
         assert threading.active_count() == busy
     assert threading.active_count() == before
+
+
+def test_a_large_world_query_is_one_datagram_each_way_at_any_datagram_size(ros: Ros) -> None:
+    text = random.Random(1).randbytes(50_000).hex()  # 60 kB compressed
+
+    def answer(message: Any, sender: Any) -> None:
+        if message.msg_type == CONTROL and isinstance(
+            query := control.parse(message.body), WorldQuery
+        ):
+            reply = WorldReply(query.number, query.packed_text)
+            gateway.send(CONTROL, "", "", 1, reply.pack(), sender)
+
+    with Link(ANYWHERE, datagram="mtu", on_message=answer) as gateway:
+        end = made(ros, peer=f"127.0.0.1:{gateway.address[1]}", datagram="mtu")
+        end.command_client.gateway_seen(gateway.address)
+        assert end.command_client.ask(text) == text
+        end.close()

@@ -87,7 +87,7 @@ def test_reserved_bytes_are_ignored_when_received() -> None:
     ("body", "reason"),
     [
         (b"", "body_size"),
-        (b"\x0a" + bytes(11), "body_value"),
+        (b"\x0c" + bytes(11), "body_value"),
         (b"\xff", "body_value"),
         (b"\x00\x00" + bytes(10), "body_value"),
         (b"\x01\x1f" + bytes(126), "body_value"),

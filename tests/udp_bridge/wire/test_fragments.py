@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from udp_bridge import BadMessage, Message, Reassembler, TooLarge, fragments, parse
 from udp_bridge.wire.fragments import DatagramSize, plan, split
+from udp_bridge.wire.types import CONTROL
 
 
 def message(body: object, **fields: object) -> Message:
@@ -161,3 +162,13 @@ def test_splitting_shuffling_duplicating_and_joining_gives_the_message(data: st.
         "refused": {},
     }
     assert reassembler.memory_bytes == 0
+
+
+@pytest.mark.parametrize("datagram", ["mtu", "loopback", 256])
+def test_control_has_one_part_at_any_size(datagram: DatagramSize) -> None:
+    control = message(bytes(65507 - 20 - 44), msg_type=CONTROL, topic="", link="")
+    assert plan(control, datagram, reserve=44) == (65507 - 20 - 44, 1)
+    [(header, part)] = fragments(control._replace(body=bytes(65507 - 20)), datagram)
+    assert (len(header), len(part)) == (20, 65507 - 20)
+    with pytest.raises(TooLarge, match=r"Control .* one part holds 65487"):
+        fragments(control._replace(body=bytes(65507 - 19)), datagram)

@@ -18,14 +18,14 @@ from udp_bridge import Link, Message
 from udp_bridge.io.address_guard import open_socket
 from udp_bridge.io.udp_socket import buffer_hint
 from udp_bridge.wire import control
-from udp_bridge.wire.control import Barrier, RunCommand, RunCommandReply, Subscribe
+from udp_bridge.wire.control import Barrier, RunCommandReply, Subscribe, WorldReply
 from udp_bridge.wire.header import BadMessage
 from udp_bridge.wire.keys import RefusalHints, read_key
 from udp_bridge.wire.message import Address
 from udp_bridge.wire.seal import FROM_ROS
 from udp_bridge.wire.types import CONTROL, ROS_TYPES, SUBSCRIBE
 
-from .command_client import RunCommandClient
+from .command_client import GatewayRequest, RunCommandClient
 from .lockstep import BarrierResponder
 from .log import Log
 from .options import DEFAULT_BIND, parse_address, parse_datagram, parse_flag, parse_repair
@@ -97,7 +97,7 @@ class BridgeNode:
         is_known = getattr(socket, "is_known", lambda _: True)
         self._is_constructed = threading.Event()
         self._log = Log(publishers.get_logger())
-        self.command_client = RunCommandClient(self._send_command)
+        self.command_client = RunCommandClient(self._send_request)
         self._queue = PublishQueue(publishers, self._report_result, is_known)
         try:
             self.link = Link(
@@ -177,13 +177,13 @@ class BridgeNode:
             self.command_client.gateway_seen(sender)
         elif message.msg_type == CONTROL:
             body = control.parse(message.body)
-            if isinstance(body, RunCommandReply):
+            if isinstance(body, (RunCommandReply, WorldReply)):
                 self.command_client.reply_received(body, sender)
             elif isinstance(body, Barrier):
                 self._lockstep.take(body, sender, self.link)
 
-    def _send_command(self, command: RunCommand, to: Address) -> None:
-        self.link.send(CONTROL, "", "", time.time_ns(), command.pack(), to)
+    def _send_request(self, request: GatewayRequest, to: Address) -> None:
+        self.link.send(CONTROL, "", "", time.time_ns(), request.pack(), to)
 
     def _report_result(self, message: Message, sender: Address, is_published: bool) -> None:
         (self.link.published if is_published else self.link.dropped)(message, sender)

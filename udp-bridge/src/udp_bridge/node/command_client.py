@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Client of run commands: sends a command to the gateway until the gateway replies.
+"""Client of run commands and world queries: repeats a request until the gateway replies.
 
-A command keeps its number when it is repeated, so the gateway executes it once. Within `TIMEOUT_S`
-every call returns a reply or raises `CommandFailed`.
+A request keeps its number when it is repeated, so the gateway executes it once. Within `TIMEOUT_S`,
+or `QUERY_TIMEOUT_S`, every call returns a reply or raises `CommandFailed`.
 """
 
 from __future__ import annotations
@@ -10,15 +10,19 @@ from __future__ import annotations
 import threading
 import time
 from queue import Empty, SimpleQueue
-from typing import Callable, Dict, List, Tuple
+from typing import Any, Callable, Dict, List, Tuple, Type, TypeVar, Union
 
+from udp_bridge.wire.header import BadMessage, Refused
 from udp_bridge.wire.message import Address
 from udp_bridge.wire.run_commands import RunCommand, RunCommandReply
+from udp_bridge.wire.world_queries import WorldQuery, WorldReply, pack_text, unpack_text
 
 REPEAT_S = 0.1
-"""A command is repeated when no reply came for so long; either datagram may be lost."""
+"""A request is repeated when no reply came for so long; either datagram may be lost."""
 TIMEOUT_S = 8.0
 """Longer than the 7 s that a gateway waits for physics, so that the gateway can report that."""
+QUERY_TIMEOUT_S = 31.0
+"""Longer than the 30 s that a gateway waits for physics, which may load a world."""
 PRESENT_NANOS = 5_000_000_000
 """A gateway subscribes once a second. After such a silence it may have ended, and commands go to
 it only when no other gateway is present."""
@@ -27,38 +31,43 @@ MAX_GATEWAYS = 64
 DISCOVERY_S = 2.0
 """How long a node that was just started waits for a gateway."""
 
+GatewayRequest = Union[RunCommand, WorldQuery]
+GatewayReply = Union[RunCommandReply, WorldReply]
+_ReplyT = TypeVar("_ReplyT", RunCommandReply, WorldReply)
+
 
 class CommandFailed(Exception):
     """A command was not executed; the text says why."""
 
 
 class RunCommandClient:
-    """Sends commands to the gateway that subscribes here; several threads may call at a time.
+    """Sends requests to the gateway that subscribes here; several threads may call at a time.
 
     Parameters
     ----------
     send
-        Called with a command and its destination.
-    timeout_s
-        How long a gateway may be silent.
+        Called with a request and its destination.
+    timeout_s, query_timeout_s
+        How long a gateway may be silent after a command, and after a query.
     now_nanos
         A monotonic clock.
     """
 
     def __init__(
         self,
-        send: Callable[[RunCommand, Address], object],
+        send: Callable[[GatewayRequest, Address], object],
         *,
         timeout_s: float = TIMEOUT_S,
+        query_timeout_s: float = QUERY_TIMEOUT_S,
         now_nanos: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self._send = send
-        self._timeout_s = timeout_s
+        self._timeout_s, self._query_timeout_s = timeout_s, query_timeout_s
         self._now_nanos = now_nanos
         self._seen_nanos: Dict[Address, int] = {}
         self._number = 0
         self._numbering = threading.Lock()
-        self._pending: Dict[Tuple[int, Address], SimpleQueue[RunCommandReply]] = {}
+        self._pending: Dict[Tuple[Type[GatewayReply], int, Address], SimpleQueue[Any]] = {}
         self._is_closed = False
 
     def gateway_seen(self, gateway: Address) -> None:
@@ -68,9 +77,9 @@ class RunCommandClient:
             self._seen_nanos = dict(self._present(now_nanos)[: MAX_GATEWAYS - 1])
         self._seen_nanos[gateway] = now_nanos
 
-    def reply_received(self, reply: RunCommandReply, sender: Address) -> None:
+    def reply_received(self, reply: GatewayReply, sender: Address) -> None:
         """Pass a reply to the thread that waits for it; from any thread, never blocks."""
-        if pending := self._pending.get((reply.number, sender)):
+        if pending := self._pending.get((type(reply), reply.number, sender)):
             pending.put(reply)
 
     def call(self, action: int, ticks: int = 0) -> RunCommandReply:
@@ -81,36 +90,68 @@ class RunCommandClient:
         CommandFailed
             When there is no gateway, or it does not reply, or the command was not executed.
         """
-        gateway = self._gateway()
-        with self._numbering:
-            # The wall clock makes numbers differ from those of a node that ran before.
-            self._number = max(self._number + 1, time.time_ns())
-            command = RunCommand(self._number, action, ticks)
-        pending = self._pending[command.number, gateway] = SimpleQueue()
-        try:
-            reply = self._reply(command, gateway, pending)
-        finally:
-            del self._pending[command.number, gateway]
+        reply = self._exchange(
+            lambda number: RunCommand(number, action, ticks), RunCommandReply, self._timeout_s
+        )
         if reply.error:
             raise CommandFailed(reply.error)
         return reply
+
+    def ask(self, text: str) -> str:
+        """Send a world query and return the answer, which may be an error of its own.
+
+        Raises
+        ------
+        CommandFailed
+            When there is no gateway, or it does not reply, or a text is too large.
+        """
+        try:
+            packed = pack_text(text)
+        except BadMessage as problem:
+            raise CommandFailed(f"the query can't be sent: {problem}") from None
+        reply = self._exchange(
+            lambda number: WorldQuery(number, packed),
+            WorldReply,
+            self._query_timeout_s,
+            "; one of an older version does not answer world queries. Fix: update it, or check "
+            "its log",
+        )
+        try:
+            return unpack_text(reply.packed_text)
+        except Refused as refused:
+            raise CommandFailed(f"the gateway's answer can't be read: {refused.reason}") from None
 
     def close(self) -> None:
         """Make all waiting calls fail."""
         self._is_closed = True
 
-    def _reply(
-        self, command: RunCommand, gateway: Address, pending: SimpleQueue[RunCommandReply]
-    ) -> RunCommandReply:
-        for _ in range(round(self._timeout_s / REPEAT_S)):
-            if self._is_closed:
-                raise CommandFailed("the bridge is ending")
-            self._send(command, gateway)
-            try:
-                return pending.get(timeout=REPEAT_S)
-            except Empty:
-                pass
-        raise CommandFailed(f"the gateway at {_text(gateway)} was silent for {self._timeout_s:g} s")
+    def _exchange(
+        self,
+        request_of: Callable[[int], GatewayRequest],
+        reply_type: Type[_ReplyT],
+        timeout_s: float,
+        hint: str = "",
+    ) -> _ReplyT:
+        """Send the request with the next number until a reply of a type comes; return that."""
+        gateway = self._gateway()
+        with self._numbering:
+            # The wall clock makes numbers differ from those of a node that ran before.
+            number = self._number = max(self._number + 1, time.time_ns())
+        request = request_of(number)
+        pending: SimpleQueue[_ReplyT] = SimpleQueue()
+        self._pending[reply_type, number, gateway] = pending
+        try:
+            for _ in range(round(timeout_s / REPEAT_S)):
+                if self._is_closed:
+                    raise CommandFailed("the bridge is ending")
+                self._send(request, gateway)
+                try:
+                    return pending.get(timeout=REPEAT_S)
+                except Empty:
+                    pass
+        finally:
+            del self._pending[reply_type, number, gateway]
+        raise CommandFailed(f"the gateway at {_text(gateway)} was silent for {timeout_s:g} s{hint}")
 
     def _gateway(self) -> Address:
         for _ in range(round(DISCOVERY_S / REPEAT_S)):

@@ -2,8 +2,8 @@
 """Bodies of the bridge's own messages, to the byte: Subscribe (type 7) and Control (type 64).
 
 Each class packs and parses itself; `parse` reads any kind of Control, whose other bodies are in
-`reports`, `lockstep`, `run_commands` and `address_validation`. An invalid body raises `Refused`
-(`body_size` or `body_value`).
+`reports`, `lockstep`, `run_commands`, `address_validation` and `world_queries`. An invalid body
+raises `Refused` (`body_size` or `body_value`).
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from .lockstep import Barrier, BarrierReply
 from .reports import NO_AGE, LinkReport, TopicReport
 from .run_commands import RunCommand, RunCommandReply
 from .types import MSG_TYPES, ROS_TYPES
+from .world_queries import WorldQuery, WorldReply
 
 __all__ = [
     "NO_AGE",
@@ -33,6 +34,8 @@ __all__ = [
     "RunCommandReply",
     "Subscribe",
     "TopicReport",
+    "WorldQuery",
+    "WorldReply",
     "parse",
 ]
 
@@ -124,6 +127,8 @@ Control = Union[
     RunCommandReply,
     AddressChallenge,
     AddressResponse,
+    WorldQuery,
+    WorldReply,
 ]
 _KINDS: Dict[int, Type[Control]] = {
     0: Credit,
@@ -136,6 +141,8 @@ _KINDS: Dict[int, Type[Control]] = {
     7: RunCommandReply,
     8: AddressChallenge,
     9: AddressResponse,
+    10: WorldQuery,
+    11: WorldReply,
 }
 
 

@@ -11,6 +11,7 @@ from typing import Iterator, NamedTuple, Tuple, Union
 from .header import PART_NUMBER_OFFSET, PARTS_MAX, SIGNED_PARTS_MAX, BadMessage, type_label
 from .message import Message
 from .repair import SYMBOL_PREFIX, SYMBOL_UNIT
+from .types import CONTROL
 
 SMALLEST_DATAGRAM = 256
 """Leaves 4 bytes for the body behind the largest header."""
@@ -114,11 +115,14 @@ def plan(
 ) -> Split:
     """Return how a message would be cut, or raise what `fragments` would raise.
 
-    Of each datagram `reserve` bytes are left to what is put around it.
+    Of each datagram `reserve` bytes are left to what is put around it. A Control message has one
+    part, whatever the datagram size.
     """
     header_size = len(message.header().pack(signed_peer=signed_peer)) + reserve
     body_size = flat(message.body).nbytes
     try:
+        if message.msg_type == CONTROL:
+            return _single_part(body_size, header_size)
         return split(body_size, header_size, datagram_size, signed_peer=signed_peer, coded=coded)
     except TooLarge as error:
         where = f"{type_label(message.msg_type)} on topic {message.topic!r}"
@@ -167,6 +171,13 @@ def flat(body: object) -> memoryview:
         return view.cast("B") if view.nbytes else memoryview(b"")
     except TypeError as error:
         raise BadMessage(f"the body is no contiguous bytes-like object: {error}") from None
+
+
+def _single_part(body_size: int, header_size: int) -> Split:
+    part_size = LARGEST_DATAGRAM - header_size
+    if body_size > part_size:
+        raise TooLarge(f"a body of {body_size} bytes does not fit: one part holds {part_size}")
+    return Split(part_size, 1)
 
 
 def _part_size(datagram_size: DatagramSize, header_size: int) -> int:
