@@ -3,6 +3,8 @@
 
 SCENARIO ?= scenarios/indoor_lab.yaml
 DURATION ?=
+# How often a failed test of the running system is repeated before it counts as failed.
+RERUNS ?= 0
 REPORT ?=
 
 BIN := .venv/bin
@@ -40,14 +42,14 @@ environments: setup ## install third-party programs that tests of the experiment
 	@flock .venv/.environments $(BIN)/python -m experiments --install yag-slam --install kiss-icp --install evo
 
 test-system: environments ## run tests of the running system, two at a time
-	@$(PYTEST) -m "system and not alone and not stack" --durations=20 \
+	@$(PYTEST) -m "system and not alone and not stack" --reruns=$(RERUNS) --durations=20 \
 		--numprocesses=2 --dist=loadfile --no-loadscope-reorder $(SYSTEM_TESTS)
 
 test-alone: setup ## run tests that measure real-time rates, one at a time
-	@$(PYTEST) -m "alone" --durations=20 $(SYSTEM_TESTS)
+	@$(PYTEST) -m "alone" --reruns=$(RERUNS) --durations=20 $(SYSTEM_TESTS)
 
 test-stack: setup ## test the containers on a Docker engine
-	@$(PYTEST) -m stack -rP --durations=5 tests/deploy
+	@$(PYTEST) -m stack --reruns=$(RERUNS) -rPR --durations=5 tests/deploy
 
 benchmarks: setup ## run the benchmarks with claims; fail if a claim does not hold
 	@$(BIN)/python -m benchmarks
