@@ -25,6 +25,8 @@ class Process:
         python: str = sys.executable,
     ) -> None:
         self.lines: list[str] = []
+        self._rows: dict[str, list[list[Any]]] = {}
+        self._lines_read = 0
         self._changed = threading.Condition()
         self._process = subprocess.Popen(
             [python, *arguments],
@@ -64,11 +66,11 @@ class Process:
 
     def messages(self, topic: str) -> list[tuple[int, Any]]:
         """Return stamp and content of what a listener or talker told of a topic."""
-        return [(stamp, content) for name, stamp, content, *_ in self._rows() if name == topic]
+        return [(stamp, content) for _, stamp, content, *_ in self._rows_of(topic)]
 
     def frames(self, topic: str) -> set[Any]:
         """Return the frames of all messages of a topic that a listener told of."""
-        return {row[3] for row in self._rows() if row[0] == topic}
+        return {row[3] for row in self._rows_of(topic)}
 
     def wait_for_stamp(self, topic: str, stamp_nanos: int) -> None:
         """Wait for a message of this very stamp."""
@@ -97,8 +99,15 @@ class Process:
             self._process.stdout.close()
         return code
 
-    def _rows(self) -> list[Any]:
-        return [json.loads(line) for line in list(self.lines) if line.startswith('["')]
+    def _rows_of(self, topic: str) -> list[list[Any]]:
+        """Return the rows of a topic; a line is read once, for who waits looks at each new one."""
+        with self._changed:
+            for line in self.lines[self._lines_read :]:
+                if line.startswith('["'):
+                    row = json.loads(line)
+                    self._rows.setdefault(row[0], []).append(row)
+            self._lines_read = len(self.lines)
+            return self._rows.get(topic, [])
 
     def _read(self) -> None:
         assert self._process.stdout
