@@ -9,7 +9,8 @@ from typing import Annotated
 
 import msgspec
 
-from groundlink.scenario.schema import Addition
+from groundlink.core.fields import Quaternion, Vector3
+from groundlink.scenario.schema import Addition, SolidGroup
 
 
 class _RunCommand(msgspec.Struct, frozen=True, tag_field="wish", forbid_unknown_fields=True):
@@ -34,16 +35,38 @@ class Reset(_RunCommand, frozen=True, tag="reset"):
     """Restart at tick 0 from the initial state. A paused run stays paused."""
 
 
-class Spawn(_RunCommand, frozen=True, tag="spawn"):
+class Spawn(_RunCommand, frozen=True, tag="spawn", omit_defaults=True):
     """Add objects to the world. A reset keeps them; they then exist from tick 0."""
 
     more: Addition
 
+    group: SolidGroup | None = None
+    """The added solids as one entity; None: each is one of its own."""
 
-class Remove(_RunCommand, frozen=True, tag="remove"):
+
+class Remove(_RunCommand, frozen=True, tag="remove", omit_defaults=True):
     """Remove a vehicle, an actor or a solid. A reset does not restore it."""
 
     name: str
+
+    parts: tuple[str, ...] = ()
+    """Names of exactly the objects to remove; empty: the object with the name, or all solids whose
+    names begin with it."""
+
+
+class Move(_RunCommand, frozen=True, tag="move"):
+    """Move static solids, as one entity. Physics journals it; there is no such command."""
+
+    name: str
+    position_m: Vector3
+    """World from the entity's frame, afterwards."""
+
+    orientation: Quaternion
+    solids: dict[str, tuple[Vector3, Quaternion]]
+    """Poses of its solids by name, afterwards."""
+
+
+WorldChange = Spawn | Remove | Move
 
 
 class Restore(_RunCommand, frozen=True, tag="restore"):

@@ -25,11 +25,13 @@ from msgspec.structs import replace
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
-from groundlink.episode.control import Remove, Spawn
+from groundlink.core.fields import Quaternion, Vector3
+from groundlink.episode.control import Remove, WorldChange
 from groundlink.messages.base import Ack, Command, State, WheelCommand, encode
 from groundlink.messages.navigation import JointState
 from groundlink.scenario import Scenario
 from groundlink.scenario.decoding import put_unknown, take_unknown
+from groundlink.scenario.schema import EntityDescription
 
 VERSION = 1
 
@@ -81,12 +83,37 @@ class JointsCommanded(Entry, frozen=True, tag="joints"):
 
 
 class WorldChanged(Entry, frozen=True, tag="world"):
-    """Objects that were added to the world or removed."""
+    """Objects that were added to the world, removed or moved."""
 
-    change: Spawn | Remove
+    change: WorldChange
 
 
-AnyEntry = Commanded | WheelsCommanded | JointsCommanded | WorldChanged
+class Placed(Entry, frozen=True, tag="placed"):
+    """A pose or velocity that was set, of a vehicle or a free actor."""
+
+    name: str
+    pose: tuple[Vector3, Quaternion] | None
+    """World from its frame; None: unchanged."""
+
+    twist: tuple[Vector3, Vector3] | None
+    """Linear (m/s) and angular (rad/s) velocity of its origin, in world; None: unchanged."""
+
+
+class Described(Entry, frozen=True, tag="described"):
+    """Category, description and tags that tools are told of an entity."""
+
+    name: str
+    description: EntityDescription | None
+    """None: what the scenario says."""
+
+
+class StateReset(Entry, frozen=True, tag="state reset"):
+    """All vehicles, free actors and moved solids were put back where they began."""
+
+
+AnyEntry = (
+    Commanded | WheelsCommanded | JointsCommanded | WorldChanged | Placed | Described | StateReset
+)
 
 _ENTRY = msgspec.msgpack.Decoder(AnyEntry)
 
@@ -174,7 +201,7 @@ def acting_before(
     part, limit = 0, 2**63
     for raw in reversed(tuple(entries)):
         entry = _ENTRY.decode(raw)
-        if isinstance(entry, WorldChanged):
+        if not isinstance(entry, Commanded | WheelsCommanded | JointsCommanded):
             limit = entry.tick
             placed.append(((part - 1, limit, ""), raw, raw))
             part -= 2

@@ -91,19 +91,29 @@ def addition(
     UserError
         when it is nothing that can be added to a run.
     """
-    if given in KINDS:
-        more, called = KINDS[given], given
-    else:
-        kind, part = load_partial(given, words=KINDS, warn=warn)
-        if kind is FileKind.SCENARIO:
-            raise ScenarioError(
-                f"`{given}`: a scenario; expected a vehicle, or a world with `solids` or `actors`"
-            )
-        called = part.vehicles[0].model.name if part.vehicles else part.world.name
-        more = _of(part, given)
+    called, more = content_of(given, warn)
     if name is None:
-        name = _free(called, taken)
-    return name, _placed(_named(more, name), at, ground)
+        name = free_name(called, taken)
+    return name, placed(more, name, at, ground)
+
+
+def content_of(given: str, warn: Warn = ignore_warning) -> tuple[str, Addition]:
+    """Return the own name of an object or file that `addition` takes, and its contents.
+
+    Raises
+    ------
+    UserError
+        when it is nothing that can be added to a run.
+    """
+    if given in KINDS:
+        return given, KINDS[given]
+    kind, part = load_partial(given, words=KINDS, warn=warn)
+    if kind is FileKind.SCENARIO:
+        raise ScenarioError(
+            f"`{given}`: a scenario; expected a vehicle, or a world with `solids` or `actors`"
+        )
+    called = part.vehicles[0].model.name if part.vehicles else part.world.name
+    return called, _of(part, given)
 
 
 def addition_to(
@@ -124,7 +134,7 @@ def addition_to(
 def _of(part: Scenario, given: str) -> Addition:
     """Return the contents of a partial scenario as an addition."""
     world = part.world
-    plain = replace(world, solids=(), actors=(), materials={})
+    plain = replace(world, solids=(), actors=(), materials={}, description="", tags=())
     if not part.vehicles and plain != World(name=world.name, materials={}):
         raise ScenarioError(
             f"`{given}`: only `solids`, `actors` and `materials` of a world can be added to a run"
@@ -134,7 +144,9 @@ def _of(part: Scenario, given: str) -> Addition:
     return Addition(world.solids, world.actors, part.vehicles, world.materials)
 
 
-def _free(name: str, taken: Collection[str]) -> str:
+def free_name(name: str, taken: Collection[str]) -> str:
+    """Return a name, with a number if it is taken or the beginning of one that is."""
+
     def is_taken(one: str) -> bool:
         return any(re.match(rf"{one}(_|/|$)", other) for other in taken)
 
@@ -166,6 +178,11 @@ def _named(more: Addition, name: str) -> Addition:
         ),
         more.materials,
     )
+
+
+def placed(more: Addition, name: str, at: SpawnPlace, ground: Ground | None) -> Addition:
+    """Return an addition under a name, its origin on the ground at a place."""
+    return _placed(_named(more, name), at, ground)
 
 
 def _placed(more: Addition, at: SpawnPlace, ground: Ground | None) -> Addition:

@@ -6,12 +6,13 @@ converted to plain solids, so that it keeps its positions. An added object needs
 free position.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from msgspec.structs import replace
 
 from groundlink.core.errors import UserError, did_you_mean
+from groundlink.core.fields import Quaternion, Vector3
 from groundlink.scenario.schema import RESERVED_NAMES, Addition, Scenario
 from groundlink.scene.build import solids
 from groundlink.scene.spawn_checks import (
@@ -99,9 +100,67 @@ def without(scenario: Scenario, name: str) -> Scenario:
                 f"`{name}` is part of the world and cannot be removed; expected a vehicle, "
                 "solid or actor"
             )
-        known = [*_names(frozen), *(solid.name for solid in world.solids)]
-        raise UserError(f"no vehicle or object `{name}`; {did_you_mean(name, known)}")
+        raise UserError(f"no vehicle or object `{name}`; {did_you_mean(name, _all_names(frozen))}")
     return changed
+
+
+def without_parts(scenario: Scenario, name: str, parts: Collection[str]) -> Scenario:
+    """Return a scenario without the vehicles, actors and solids of exactly these names.
+
+    Raises
+    ------
+    UserError
+        when one of them cannot be removed; `name` names them all.
+    """
+    frozen = _frozen(scenario)
+    world = frozen.world
+    vehicles = tuple(vehicle for vehicle in frozen.vehicles if vehicle.name not in parts)
+    if not vehicles:
+        raise UserError(f"`{name}` is the run's only vehicle. Fix: spawn another one first")
+    actors = tuple(actor for actor in world.actors if actor.name not in parts)
+    left = tuple(solid for solid in world.solids if solid.name not in parts)
+    changed = replace(frozen, vehicles=vehicles, world=replace(world, actors=actors, solids=left))
+    if len(_all_names(frozen)) - len(_all_names(changed)) != len(parts):
+        raise UserError(
+            f"`{name}` is part of the world and cannot be removed. Fix: remove it from the "
+            "scenario's file"
+        )
+    return changed
+
+
+def with_moved(
+    scenario: Scenario,
+    name: str,
+    poses: Mapping[str, tuple[Vector3, Quaternion]],
+    moving: Sequence[Solid],
+) -> Scenario:
+    """Return a scenario whose static solids have other poses, by their names.
+
+    Parameters
+    ----------
+    moving
+        collision solids of vehicles and actors at their current poses.
+
+    Raises
+    ------
+    UserError
+        when a solid cannot be moved, or would be inside a vehicle or an actor.
+    """
+    frozen = _frozen(scenario)
+    known = {solid.name: solid for solid in frozen.world.solids}
+    if not poses.keys() <= known.keys():
+        raise UserError(
+            f"`{name}` is part of the world and cannot be moved. Fix: move it in the scenario's "
+            "file, or spawn an object in its place"
+        )
+    for part, (position, orientation) in poses.items():
+        known[part] = replace(known[part], position_m=position, orientation=orientation)
+    _check_free(name, [known[part] for part in poses], moving)
+    return replace(frozen, world=replace(frozen.world, solids=tuple(known.values())))
+
+
+def _all_names(scenario: Scenario) -> list[str]:
+    return [*_names(scenario), *(solid.name for solid in scenario.world.solids)]
 
 
 def _names(scenario: Scenario) -> list[str]:

@@ -38,6 +38,8 @@ BASE = -1
 
 Heights = NDArray[np.float32]
 Pose = tuple[Vector3, Quaternion]
+Twist = tuple[Vector3, Vector3]
+"""Linear (m/s) and angular (rad/s) velocity."""
 
 ContactPoint = tuple[int, int, Vector3, Vector3, float]
 """Other body, link of this body, point on the other body (m), normal toward this body, normal

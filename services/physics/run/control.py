@@ -122,12 +122,23 @@ class Control:
         while not self._pending.empty():
             self._pending.get()()
 
-    def _execute(self, command: AnyRunCommand, content: bytes) -> None:
-        if self.restoring_to >= 0 and isinstance(command, Reset | Spawn | Remove | Restore):
+    def refuse_while_restoring(self) -> None:
+        """Refuse a change of a run that is being restored.
+
+        Raises
+        ------
+        UserError
+            while that goes on.
+        """
+        if self.restoring_to >= 0:
             raise UserError(
                 f"the run is being restored, at tick {self.tick} of {self.restoring_to}. Fix: wait "
                 "until that is done"
             )
+
+    def _execute(self, command: AnyRunCommand, content: bytes) -> None:
+        if isinstance(command, Reset | Spawn | Remove | Restore):
+            self.refuse_while_restoring()
         match command:
             case Pause():
                 self.pause()

@@ -13,27 +13,43 @@ from groundlink.bus.core_topics import GATEWAY, RECORDER
 from groundlink.bus.topics import driver_names, process_names
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS, Schedule
 from groundlink.core.errors import UserError
-from groundlink.episode.control import Remove, Spawn
+from groundlink.episode.control import Move, Remove, Spawn, WorldChange
 from groundlink.episode.journal import (
     AnyEntry,
     Commanded,
+    Described,
     JointsCommanded,
     Journal,
+    Placed,
+    StateReset,
     WheelsCommanded,
     WorldChanged,
     encode_entry,
     state_digest,
     this_platform,
 )
-from groundlink.messages.base import Ack, Clock, Command, State, WheelCommand, decode, encode
+from groundlink.messages.base import (
+    Ack,
+    Clock,
+    Command,
+    State,
+    WheelCommand,
+    decode,
+    encode,
+    floats,
+)
 from groundlink.messages.ground_truth import VITALS_HZ
 from groundlink.messages.navigation import JointState
 from groundlink.scenario import Scenario
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
+from groundlink.scenario.schema import EntityDescription
 from groundlink.scene.build import solids, world_hash
-from groundlink.scene.change import with_more, without
+from groundlink.scene.change import with_more, with_moved, without, without_parts
+from groundlink.world.solids import Solid
+from services.physics.dynamics.backend import Pose, Twist
 from services.physics.simulation.simulation import Simulation
 
+from .entities import EntityRegistry
 from .ground_truth import BodyTruth, VehicleTruth
 from .pacer import pacer_for
 from .participants import PendingAcks
@@ -58,6 +74,8 @@ class Episode:
     ----------
     worlds
         scenarios of all worlds of the episode, by their hashes.
+    entities
+        what is known of entities beside the scenario.
     """
 
     def __init__(
@@ -85,6 +103,7 @@ class Episode:
         self._cut_off: set[str] = set()
         self._truths = [VehicleTruth(vehicle) for vehicle in scenario.vehicles]
         self._bodies = BodyTruth(scenario, static)
+        self.entities = EntityRegistry()
         self._pending_acks = PendingAcks()
         self.number = wall_nanos
         if epoch_nanos is None:
@@ -102,22 +121,32 @@ class Episode:
         """The tick of the present state."""
         return self._simulation.tick
 
-    def change(self, command: Spawn | Remove) -> None:
-        """Add something to the world or remove it, from the next state on.
+    def change(self, command: WorldChange) -> None:
+        """Add something to the world, remove or move it, from the next state on.
 
         Raises
         ------
         UserError
-            when it cannot be added or is not there.
+            when it cannot be added or moved, or is not there.
         """
         before, simulation = self.scenario, self._simulation
         match command:
             case Spawn(more=more):
                 seconds = self.tick * TICK_SECONDS
                 scenario = with_more(before, more, simulation.moving(), seconds=seconds)
-            case Remove(name=name):
+            case Remove(name=name, parts=()):
                 scenario = without(before, name)
-        static = solids(scenario)
+            case Remove(name=name, parts=parts):
+                scenario = without_parts(before, name, parts)
+            case Move(name=name, solids=poses):
+                scenario = with_moved(before, name, poses, simulation.moving())
+        self._become(scenario)
+        self.entities.changed(command, before, scenario)
+        self._entries.append(encode_entry(WorldChanged(self.tick, command)))
+
+    def _become(self, scenario: Scenario) -> None:
+        """Simulate another world from the next step on; all that is in both continues."""
+        simulation, static = self._simulation, solids(scenario)
         simulation.become(scenario, static)
         self.scenario = scenario
         self.world_hash = world_hash(scenario)
@@ -128,7 +157,49 @@ class Episode:
             known.get(v.name) or VehicleTruth(v, self.tick + 1) for v in scenario.vehicles
         ]
         self.pacer.participants.only((*process_names(scenario), RECORDER, *self._required))
-        self._entries.append(encode_entry(WorldChanged(self.tick, command)))
+
+    def place(self, name: str, pose: Pose | None, twist: Twist | None) -> None:
+        """Set pose or velocity of a vehicle or a free actor before the next step.
+
+        Raises
+        ------
+        KeyError
+            when there is neither of this name.
+        """
+        self._simulation.place(name, pose, twist)
+        self._entries.append(encode_entry(Placed(self.tick, name, pose, twist)))
+
+    def describe(self, name: str, description: EntityDescription | None) -> None:
+        """Set what tools are told of an entity; None: what the scenario says."""
+        self.entities.describe(name, description)
+        self._entries.append(encode_entry(Described(self.tick, name, description)))
+
+    def reset_state(self) -> None:
+        """Put vehicles, free actors and moved solids back where they began, at rest."""
+        if (scenario := self.entities.moved_back(self.scenario)) != self.scenario:
+            self._become(scenario)
+        self._simulation.reset_state(self.scenario)
+        self._entries.append(encode_entry(StateReset(self.tick)))
+
+    def motions(self) -> dict[str, tuple[Pose, Twist]]:
+        """Return poses and velocities of vehicles and actors: of their origins, in the world."""
+        return self._simulation.motions()
+
+    def moving(self) -> list[Solid]:
+        """Return the bodies of vehicles and actors where they are now, in the world frame."""
+        return self._simulation.moving()
+
+    def accelerations(self) -> dict[str, Twist]:
+        """Return each vehicle's mean acceleration in the last tick: m/s2, rad/s2."""
+        if len(self._history) < 2:
+            return {}
+        before, after = (decode(state, State).vehicles for state in (*self._history,)[-2:])
+        found: dict[str, Twist] = {}
+        for name in before.keys() & after.keys():
+            change = floats(after[name].base_velocity) - floats(before[name].base_velocity)
+            x, y, z, *turn = (change / TICK_SECONDS).tolist()
+            found[name] = (x, y, z), (turn[0], turn[1], turn[2])
+        return found
 
     def process_left(self, process: str) -> None:
         """Record that a process has left, or that its connection is lost.
@@ -179,10 +250,17 @@ class Episode:
 
     def replay(self, entry: AnyEntry) -> None:
         """Apply a journal entry at its tick."""
-        if isinstance(entry, WorldChanged):
-            self.change(entry.change)
-        else:
-            self._apply(entry)
+        match entry:
+            case WorldChanged(change=change):
+                self.change(change)
+            case Placed(name=name, pose=pose, twist=twist):
+                self.place(name, pose, twist)
+            case Described(name=name, description=description):
+                self.describe(name, description)
+            case StateReset():
+                self.reset_state()
+            case Commanded() | WheelsCommanded() | JointsCommanded():
+                self._apply(entry)
 
     def journal(self, left_out: int = 0) -> Journal:
         """Return a journal to restore this episode from, without its first entries.

@@ -7,21 +7,29 @@ Everything that changes a run happens here, between two ticks.
 import math
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from typing import TypeVar
 
 import msgspec
 from msgspec.structs import replace
 
 from groundlink.bus.core_topics import GATEWAY, PHYSICS
-from groundlink.bus.queries import control_key, history_key, journal_key, scenario_key
+from groundlink.bus.queries import (
+    control_key,
+    history_key,
+    journal_key,
+    scenario_key,
+    world_query_key,
+)
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import process_names
 from groundlink.core.errors import UserError
-from groundlink.episode.control import Remove, Spawn
+from groundlink.episode.control import Spawn, WorldChange
 from groundlink.episode.journal import Journal, dumped, loaded, parts
 from groundlink.process import asset_exchange
 from groundlink.scenario import Scenario
+from groundlink.scenario.schema import Addition
 from groundlink.world import assets
 
 from .control import Control
@@ -32,12 +40,15 @@ from .publishers import BusPublishers, Publishers, silent_publishers
 from .restore import JournalArchive, JournalPlayer, Restoration, check_data, check_processes
 from .source import RunSource
 from .stall_policy import START_SECONDS
+from .world_queries import WorldQueryAnswers
 
 PAUSED_SECONDS = 0.01
 """How often a paused run looks for commands."""
 
 RESTORED_AT_ONCE = 200
 """Ticks that are restored between two looks for messages; some tens of milliseconds."""
+
+T = TypeVar("T")
 
 
 class PhysicsServer:
@@ -76,9 +87,15 @@ class PhysicsServer:
             self._awaited |= saved.acks.keys() & process_names(saved.remaining_scenario()).keys()
         bus.serve(history_key(run), self._history_for)
         bus.serve_content(control_key(run), self.control.answer)
+        bus.serve_content(world_query_key(run), WorldQueryAnswers(self).answer)
         bus.serve(journal_key(run), self._journal_of)
         asset_exchange.serve(bus, run, self._scenario)
         bus.serve(scenario_key(run), self._scenario_of)
+
+    @property
+    def first_scenario(self) -> Scenario:
+        """Scenario with which the run was started."""
+        return self._started
 
     def _accept_commands(self, scenario: Scenario) -> None:
         """Accept commands for a scenario's vehicles, unless they come from a file."""
@@ -171,20 +188,56 @@ class PhysicsServer:
             self.control.pause()
 
     def reset(self) -> None:
-        """Start a new episode of the present world."""
-        self._replace_episode(self._new_episode(self.episode.scenario, self._publishers))
+        """Start a new episode of the present world, with moved solids back where they began."""
+        entities = self.episode.entities
+        scenario = entities.moved_back(self.episode.scenario)
+        episode = self._new_episode(scenario, self._publishers)
+        for group in entities.groups.values():
+            episode.change(Spawn(Addition(), group))
+        for name, description in entities.descriptions.items():
+            episode.describe(name, description)
+        self._start_over(episode)
+
+    def reset_all(self) -> None:
+        """Start a new episode of the scenario with which the run was started."""
+        self._start_over(self._new_episode(self._started, self._publishers))
+
+    def reset_state(self) -> None:
+        """Put everything back where it began, without a new episode."""
+        self.episode.reset_state()
+        self._adopt_world()
+
+    def _start_over(self, episode: Episode) -> None:
+        is_same_world = episode.world_hash == self.episode.world_hash
+        self._replace_episode(episode)
+        if not is_same_world:
+            self._adopt_world()
         self.control.stepped(0)
         if self._has_begun:
             # All processes are there; in a fast run they have to acknowledge the first state.
             self._begin()
 
-    def change(self, command: Spawn | Remove) -> None:
-        """Add something to the world or remove it.
+    def refuse_while_restoring(self) -> None:
+        """Refuse a change while a saved run is restored.
 
         Raises
         ------
         UserError
-            when it cannot be added or is not there.
+            while that goes on.
+        """
+        self.control.refuse_while_restoring()
+
+    def between_ticks(self, do: Callable[[], T]) -> T:
+        """Have the loop call a function between two ticks; return what it returns."""
+        return self.control.between_ticks(do)
+
+    def change(self, command: WorldChange) -> None:
+        """Add something to the world, remove or move it.
+
+        Raises
+        ------
+        UserError
+            when it cannot be added or moved, or is not there.
         """
         if isinstance(command, Spawn) and (
             lacking := assets.missing(asset_exchange.needed(command.more))

@@ -19,7 +19,7 @@ from groundlink.world.actors import Actor, FreeMotion, form_solids
 from groundlink.world.bounds import bounds, half_extents, middle
 from groundlink.world.solids import Box, Material, Mesh, Solid
 from groundlink.world.terrain import Ground
-from services.physics.dynamics.backend import FREE, SCRIPTED, Backend, Pose, Surface
+from services.physics.dynamics.backend import FREE, SCRIPTED, Backend, Pose, Surface, Twist
 
 Materials = Mapping[str, Material]
 
@@ -65,6 +65,10 @@ class ScriptedActor:
         """Return world_from_actor after the last step."""
         return self._then.position_m, self._then.orientation
 
+    def twist(self) -> Twist:
+        """Return the velocity of its origin in the last step."""
+        return self._backend.velocity(self.body)
+
 
 class FreeActor:
     """An actor that falls, rests and is pushed about."""
@@ -102,6 +106,23 @@ class FreeActor:
         origin = center - matrix_from_quaternion(orientation) @ self._middle
         x, y, z = origin.tolist()
         return (x, y, z), orientation
+
+    def twist(self) -> Twist:
+        """Return the velocity of its origin after the last step."""
+        linear, angular = self._backend.velocity(self.body)
+        arm = matrix_from_quaternion(self._backend.pose(self.body)[1]) @ self._middle
+        vx, vy, vz = (linear - np.cross(angular, arm)).tolist()
+        return (vx, vy, vz), angular
+
+    def place(self, pose: Pose | None, twist: Twist | None) -> None:
+        """Set pose or velocity of its origin; None: unchanged."""
+        origin, orientation = pose or self.pose()
+        linear, angular = twist or self.twist()
+        arm = matrix_from_quaternion(orientation) @ self._middle
+        x, y, z = (origin + arm).tolist()
+        vx, vy, vz = (linear + np.cross(angular, arm)).tolist()
+        self._backend.set_pose(self.body, ((x, y, z), orientation))
+        self._backend.set_velocity(self.body, (vx, vy, vz), angular)
 
 
 def put(

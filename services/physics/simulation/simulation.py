@@ -21,7 +21,7 @@ from groundlink.world import terrain
 from groundlink.world.actors import Actor
 from groundlink.world.solids import Material, Solid, Sphere
 from groundlink.world.terrain import Ground
-from services.physics.dynamics.backend import Backend
+from services.physics.dynamics.backend import Backend, Pose, Twist
 from services.physics.dynamics.bullet import BulletBackend
 from services.physics.dynamics.statics import StaticBody, add_statics
 from services.physics.dynamics.terrain import CarriedBody, NoTerrain, TerrainWindows, reach_of
@@ -85,13 +85,13 @@ class Simulation:
     def become(self, scenario: Scenario, solids: Sequence[Solid]) -> None:
         """Remove what a scenario lacks and add what is new in it; all else continues.
 
-        Things are identified by name. New things start as they do at tick zero, vehicles at their
-        placements.
+        Things are identified by name; a solid that has moved is a new one. New things start as they
+        do at tick zero, vehicles at their placements.
         """
         self._remove_others(
             {vehicle.name for vehicle in scenario.vehicles},
             {actor.name for actor in scenario.world.actors},
-            {solid.name for solid in solids},
+            {solid.name: solid for solid in solids},
         )
         materials = scenario.world.materials
         there = {solid.name for static in self._statics.values() for solid in static.solids}
@@ -113,15 +113,17 @@ class Simulation:
         # States have actors in the scenario's order.
         self._actors = {a.name: self._actors[a.name] for a in scenario.world.actors}
 
-    def _remove_others(self, vehicles: Set[str], actors: Set[str], solids: Set[str]) -> None:
-        """Remove all but those that are named."""
+    def _remove_others(
+        self, vehicles: Set[str], actors: Set[str], solids: Mapping[str, Solid]
+    ) -> None:
+        """Remove all but those that are named, and solids that have moved."""
         for name in self._vehicles.keys() - vehicles:
             self._remove(self._vehicles.pop(name))
         for name in self._actors.keys() - actors:
             self._remove(self._actors.pop(name))
         for body, static in list(self._statics.items()):
             # A body stands for several solids: those that stay get a new one.
-            if any(solid.name not in solids for solid in static.solids):
+            if any(solids.get(solid.name) != solid for solid in static.solids):
                 self._backend.remove(body)
                 del self._statics[body]
 
@@ -162,6 +164,33 @@ class Simulation:
     def _friction(self, body: int, point: Vector3) -> float:
         fixed = self._statics.get(body)
         return self._terrain.friction_at(point[0], point[1]) if fixed is None else fixed.friction
+
+    def reset_state(self, scenario: Scenario) -> None:
+        """Put all vehicles and free actors of the present scenario back where they begin."""
+        for described in scenario.vehicles:
+            self._remove(self._vehicles.pop(described.name))
+            self._put_vehicle(described)
+        for actor in scenario.world.actors:
+            if isinstance(put := self._actors[actor.name], actors.FreeActor):
+                self._remove(put)
+                self._put_actor(actor, self._materials)
+
+    def place(self, name: str, pose: Pose | None, twist: Twist | None) -> None:
+        """Set pose or velocity of a vehicle or a free actor; None: unchanged.
+
+        Raises
+        ------
+        KeyError
+            when there is neither of this name.
+        """
+        free = self._actors.get(name)
+        placed = free if isinstance(free, actors.FreeActor) else self._vehicles[name]
+        placed.place(pose, twist)
+
+    def motions(self) -> dict[str, tuple[Pose, Twist]]:
+        """Return poses and velocities of all vehicles and actors, of their origins, in world."""
+        bodies = {**self._vehicles, **self._actors}
+        return {name: (body.pose(), body.twist()) for name, body in bodies.items()}
 
     def moving(self) -> list[Solid]:
         """Return the bodies of vehicles and actors where they are now, in the world frame."""

@@ -186,6 +186,22 @@ class RunningGear:
         """Return the angles of the steered wheels."""
         return tuple(steering_joint.angle_rad for steering_joint in self._steering_joints)
 
+    def roll(self, forward_mps: float, turn_radps: float) -> None:
+        """Have all shafts turn as they do when the vehicle rolls at a velocity, without slip.
+
+        Parameters
+        ----------
+        forward_mps, turn_radps
+            velocities of the base's origin, along x and about z of the base.
+        """
+        rolling: dict[TurningShaft, list[float]] = {}
+        for wheel in self.wheels:
+            if wheel.shaft:
+                _, y, _, _ = wheel.x_y_z_radius
+                rolling.setdefault(wheel.shaft, []).append(forward_mps - turn_radps * y)
+        for shaft, speeds_mps in rolling.items():
+            shaft.roll(sum(speeds_mps) / len(speeds_mps))
+
     def battery(self) -> BatteryState | None:
         """Return the state of the battery, None without one."""
         if (charge := self._charge) is None:

@@ -55,6 +55,13 @@ class TurningShaft:
         self.torque_nm = 0.0
         """Of the motor in the last tick."""
 
+    def roll(self, tread_mps: float) -> None:
+        """Set the speed to that of treads, whose deflections are gone."""
+        self.tread_mps = tread_mps
+        self.speed_radps = tread_mps / self._radius
+        for tire in self.tires:
+            tire.lift()
+
     def turn(self, asked_radps: float, least_nm: float, most_nm: float) -> None:
         """Advance by a tick toward a target speed, within torque limits."""
         before, radius = self.speed_radps, self._radius

@@ -22,7 +22,15 @@ from groundlink.scene.spawn_pose import spawn_pose
 from groundlink.world.mesh_asset import load_mesh
 from groundlink.world.solids import Mesh
 from groundlink.world.terrain import Ground
-from services.physics.dynamics.backend import CHASSIS, GRAVITY_MPS2, WHEEL, Backend, Surface
+from services.physics.dynamics.backend import (
+    CHASSIS,
+    GRAVITY_MPS2,
+    WHEEL,
+    Backend,
+    Pose,
+    Surface,
+    Twist,
+)
 from services.physics.dynamics.energy_and_contacts import EnergyAndContacts
 
 from .controller import Controller
@@ -226,6 +234,38 @@ class SimulatedVehicle:
             wheel.tire.deflection_m = deflection
         self._first_contacts = rest.contacts
         self.sense()
+
+    def place(self, pose: Pose | None, twist: Twist | None) -> None:
+        """Set pose or velocity of the base's origin; None: unchanged.
+
+        With a new pose its springs are as at the start, and its wheels touch the ground from the
+        next step on; with a new velocity they roll along.
+        """
+        (x, y, z), orientation = pose or self.pose()
+        (vx, vy, vz), (wx, wy, wz) = twist or self.twist()
+        cx, cy, cz = self._com
+        (a, b, c), (d, e, f), (g, h, i) = _matrix(orientation)
+        # From the base link's origin to the center of mass.
+        dx, dy, dz = a * cx + b * cy + c * cz, d * cx + e * cy + f * cz, g * cx + h * cy + i * cz
+        if pose is not None:
+            self._backend.set_pose(self.body, ((x + dx, y + dy, z + dz), orientation))
+            self._backend.set_joint_positions(self.body, self._joints, [0.0] * self._count)
+            self._first_contacts = [None] * self._count
+        # A new pose has taken the velocity away.
+        velocity = vx + wy * dz - wz * dy, vy + wz * dx - wx * dz, vz + wx * dy - wy * dx
+        self._backend.set_velocity(self.body, velocity, (wx, wy, wz))
+        if twist is not None:
+            forward_mps, turn_radps = a * vx + d * vy + g * vz, c * wx + f * wy + i * wz
+            self.running_gear.roll(forward_mps, turn_radps)
+        self.sense()
+
+    def pose(self) -> Pose:
+        """Return world_from_base."""
+        return self._origin, self._quaternion
+
+    def twist(self) -> Twist:
+        """Return the velocity of the base's origin in the world."""
+        return self._velocity, self._turn
 
     @property
     def position_m(self) -> Vector3:

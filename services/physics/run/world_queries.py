@@ -1,0 +1,472 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Answers to world queries: what is in the world, and changes of it that tools ask for.
+
+Queries arrive on the bus's threads. What takes long, such as reading files, happens there; the
+loop that steps reads and changes the world between two ticks.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from math import atan2, degrees, hypot, isfinite, sqrt
+from typing import Protocol, TypeVar
+
+import msgspec
+from msgspec.structs import replace
+
+from groundlink.core.clock import TICK_NANOS
+from groundlink.core.errors import UserError, did_you_mean
+from groundlink.core.fields import Quaternion, Vector3
+from groundlink.core.frames import matrix_from_quaternion
+from groundlink.episode.control import Move, Remove, Spawn, WorldChange
+from groundlink.episode.world_queries import (
+    AnyWorldQuery,
+    DescribeQuery,
+    EntitiesQuery,
+    LoadWorldQuery,
+    NamedPoseReport,
+    NamedPosesQuery,
+    PlaceQuery,
+    QueryRefused,
+    RemoveQuery,
+    ResetQuery,
+    Scope,
+    SpawnablesQuery,
+    SpawnQuery,
+    UnloadWorldQuery,
+    WorldInfoQuery,
+    WorldReport,
+    WorldsQuery,
+)
+from groundlink.loader.additions import SpawnPlace, free_name, placed
+from groundlink.loader.scenario_files import SHIPPED
+from groundlink.scenario.schema import (
+    NAMESPACE,
+    RESERVED_NAMES,
+    Addition,
+    EntityDescription,
+    Scenario,
+    SolidGroup,
+)
+from groundlink.scene.build import solids
+from groundlink.scene.entities import (
+    Corners,
+    Pose,
+    StaticEntity,
+    box_around,
+    composed,
+    is_free,
+    moved_pose,
+    relative,
+    upright,
+    vehicle_solids,
+)
+from groundlink.scene.spawn_checks import ground_of
+from groundlink.scene.spawn_pose import spawn_pose
+from services.physics.dynamics.backend import Twist
+
+from .entities import STILL, WorldView
+from .episode import Episode
+from .spawn_resources import SpawnResource, resource, spawnables, worlds
+
+NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+FARTHEST_M = 1e6
+"""Largest coordinate of a pose."""
+
+UNIT = 0.01
+"""Largest error of the length of a quaternion."""
+
+UPRIGHT = 1e-6
+"""Largest sine of the tilt of what stands upright."""
+
+Answer = dict[str, object]
+
+T = TypeVar("T")
+
+
+class QueriedRun(Protocol):
+    """What world queries act on. Each method raises a UserError where it cannot."""
+
+    episode: Episode
+
+    @property
+    def first_scenario(self) -> Scenario:
+        """Scenario with which the run was started."""
+
+    def refuse_while_restoring(self) -> None:
+        """Refuse a change while a saved run is restored."""
+
+    def between_ticks(self, do: Callable[[], T]) -> T:
+        """Call a function between two ticks."""
+
+    def change(self, command: WorldChange) -> None:
+        """Change the world."""
+
+    def reset(self) -> None:
+        """Start a new episode of the present world."""
+
+    def reset_all(self) -> None:
+        """Start a new episode of the scenario with which the run was started."""
+
+    def reset_state(self) -> None:
+        """Put everything back where it began, without a new episode."""
+
+
+class WorldQueryAnswers:
+    """Answers the world queries of one run."""
+
+    def __init__(self, run: QueriedRun) -> None:
+        self._run = run
+        self._view: WorldView | None = None
+
+    def answer(self, _: str, content: bytes) -> list[bytes]:
+        """Return the answer to the query in a payload, as JSON."""
+        try:
+            query = msgspec.json.decode(content, type=AnyWorldQuery)
+            answer = self._answer(query)
+        except QueryRefused as refusal:
+            answer = {"error": str(refusal), "code": refusal.code}
+        except msgspec.DecodeError as problem:
+            # The node may know queries that physics does not.
+            code = "unsupported" if str(problem).startswith("Invalid value") else "failed"
+            answer = {"error": f"not a world query: {problem}", "code": code}
+        except UserError as problem:
+            answer = {"error": str(problem), "code": "failed"}
+        return [msgspec.json.encode(answer)]
+
+    def _answer(self, query: AnyWorldQuery) -> Answer:
+        match query:
+            case EntitiesQuery():
+                return self._entities(query)
+            case SpawnQuery():
+                return self._spawn(query)
+            case RemoveQuery() | PlaceQuery() | DescribeQuery() | ResetQuery():
+                self._present_view()
+                return self._run.between_ticks(lambda: self._change(query))
+            case SpawnablesQuery(sources=sources):
+                found, unknown = spawnables(sources)
+                return self._now(spawnables=found, unknown=unknown)
+            case NamedPosesQuery():
+                return self._now(poses=named_poses(self._run.episode.scenario))
+            case WorldInfoQuery():
+                return self._now(world=world_report(self._run.episode.scenario))
+            case WorldsQuery(sources=sources):
+                known, unknown = worlds(sources)
+                return self._now(worlds=known, unknown=unknown)
+            case LoadWorldQuery() | UnloadWorldQuery():
+                raise QueryRefused(
+                    "unsupported",
+                    "a run keeps its world. Fix: start another run, `groundlink up SCENARIO`",
+                )
+
+    def _now(self, **content: object) -> Answer:
+        """Return an answer about the present tick."""
+        return _at(self._run.episode, self._run.episode.tick, content)
+
+    def _present_view(self) -> WorldView:
+        """Return the present world, which is built outside of the loop that steps."""
+        episode = self._run.episode
+        scenario, groups = self._run.between_ticks(
+            lambda: (episode.scenario, dict(episode.entities.groups))
+        )
+        return self._view_of(scenario, groups)
+
+    def _view_of(self, scenario: Scenario, groups: Mapping[str, SolidGroup]) -> WorldView:
+        view = self._view
+        if view is None or view.scenario is not scenario or view.groups != groups:
+            view = self._view = WorldView(scenario, dict(groups))
+        return view
+
+    def _entities(self, query: EntitiesQuery) -> Answer:
+        def now() -> Answer:
+            episode = self._run.episode
+            view = self._view_of(episode.scenario, episode.entities.groups)
+            names = [_known(query.name, view)] if query.name else view.names()
+            motions, accelerations = episode.motions(), episode.accelerations()
+            descriptions = episode.entities.descriptions
+            found = [
+                view.report(
+                    name,
+                    descriptions.get(name),
+                    motions.get(name),
+                    accelerations.get(name, STILL),
+                )
+                for name in names
+            ]
+            return _at(episode, episode.tick, {"entities": found})
+
+        self._present_view()
+        return self._run.between_ticks(now)
+
+    def _spawn(self, query: SpawnQuery) -> Answer:
+        found = resource(query.uri, query.text)
+        self._present_view()
+        return self._run.between_ticks(lambda: self._spawn_now(query, found))
+
+    def _change(self, query: RemoveQuery | PlaceQuery | DescribeQuery | ResetQuery) -> Answer:
+        """Change something between two ticks."""
+        self._refuse_while_restoring()
+        episode = self._run.episode
+        view = self._view_of(episode.scenario, episode.entities.groups)
+        match query:
+            case RemoveQuery(name=name):
+                static = view.statics.get(_known(name, view))
+                self._run.change(Remove(name, (name,) if static is None else static.parts))
+            case PlaceQuery():
+                self._place(query, view)
+            case DescribeQuery():
+                description = EntityDescription(
+                    category=query.category, description=query.description, tags=query.tags
+                )
+                episode.describe(_known(query.name, view), description)
+            case ResetQuery(scopes=scopes):
+                self._reset(frozenset(scopes))
+        return self._changed()
+
+    def _refuse_while_restoring(self) -> None:
+        try:
+            self._run.refuse_while_restoring()
+        except UserError as problem:
+            raise QueryRefused("incorrect_state", str(problem)) from None
+
+    def _changed(self, **content: object) -> Answer:
+        """Return an answer about the tick from which a change is in effect."""
+        episode = self._run.episode
+        return _at(episode, episode.tick + 1, content)
+
+    def _spawn_now(self, query: SpawnQuery, found: SpawnResource) -> Answer:
+        self._refuse_while_restoring()
+        episode = self._run.episode
+        view = self._view_of(episode.scenario, episode.entities.groups)
+        name = _new_name(query, found.name, view)
+        pose = self._pose(query.frame, query.position_m, query.orientation, view)
+        x, y, z = pose[0]
+        try:
+            ground_m = view.checks.height_at(x, y)
+            base_m = max((v.model.base_height_m for v in found.content.vehicles), default=0.0)
+            above_m, yaw = max(0.0, z - ground_m - base_m), _yaw_deg(pose[1])
+            more = placed(found.content, name, SpawnPlace(x, y, above_m, yaw), view.checks.ground)
+            if query.namespace:
+                more = _in_namespace(more, query.namespace)
+            group = None
+            if more.solids:
+                parts = tuple(solid.name for solid in more.solids)
+                stands = upright(x, y, ground_m + above_m, yaw)
+                group = SolidGroup(name, parts, *stands, found.category)
+            self._run.change(Spawn(more, group))
+        except QueryRefused:
+            raise
+        except UserError as problem:
+            line = str(problem).replace(" with --at", "")
+            raise QueryRefused("invalid_pose", line) from None
+        if (
+            _tilt(pose[1]) > UPRIGHT
+            and name in (view := self._view_of(episode.scenario, episode.entities.groups)).names()
+        ):
+            leaning = (x, y, ground_m + above_m + base_m), pose[1]
+            self._set_motion(name, leaning, None, view)
+        return self._changed(name=name)
+
+    def _pose(
+        self, frame: str, position_m: Vector3, orientation: Quaternion, view: WorldView
+    ) -> Pose:
+        """Return a pose of a frame in the world."""
+        length = sqrt(sum(part * part for part in orientation))
+        if not abs(length - 1.0) < UNIT:
+            raise QueryRefused(
+                "invalid_pose",
+                f"the orientation has length {length:g}; expected a unit quaternion x, y, z, w",
+            )
+        x, y, z, w = (part / length for part in orientation)
+        pose: Pose = (position_m, (x, y, z, w))
+        if frame not in ("", "world"):
+            pose = composed(self._pose_of(_known(frame, view), view), pose)
+        if not all(isfinite(part) and abs(part) < FARTHEST_M for part in pose[0]):
+            raise QueryRefused(
+                "invalid_pose",
+                f"the position {', '.join(f'{part:g}' for part in pose[0])} is not in this world. "
+                "Fix: choose another place",
+            )
+        return pose
+
+    def _pose_of(self, name: str, view: WorldView) -> Pose:
+        motions = self._run.episode.motions()
+        return motions[name][0] if name in motions else view.statics[name].pose
+
+    def _place(self, query: PlaceQuery, view: WorldView) -> None:
+        name = _known(query.name, view)
+        if (actor := view.actors.get(name)) is not None and not is_free(actor):
+            raise QueryRefused(
+                "failed",
+                f"`{name}` moves on a script and cannot be placed. Fix: remove it, and spawn it "
+                "elsewhere",
+            )
+        pose, twist = None, None
+        if query.position_m is not None or query.orientation is not None:
+            position, orientation = self._pose_of(name, view)
+            if query.frame not in ("", "world"):
+                frame = self._pose_of(_known(query.frame, view), view)
+                position, orientation = relative((position, orientation), frame)
+            pose = self._pose(
+                query.frame,
+                position if query.position_m is None else query.position_m,
+                orientation if query.orientation is None else query.orientation,
+                view,
+            )
+        if query.linear_mps is not None or query.angular_radps is not None:
+            motions = self._run.episode.motions()
+            linear, angular = motions[name][1] if name in motions else STILL
+            twist = (query.linear_mps or linear, query.angular_radps or angular)
+        self._set_motion(name, pose, twist, view)
+
+    def _set_motion(
+        self, name: str, pose: Pose | None, twist: Twist | None, view: WorldView
+    ) -> None:
+        """Set pose and velocity of an entity; None: unchanged."""
+        episode = self._run.episode
+        if (static := view.statics.get(name)) is not None:
+            if twist is not None and twist != STILL:
+                raise QueryRefused(
+                    "failed", f"`{name}` is static and cannot move. Fix: set its pose only"
+                )
+            if pose is not None:
+                self._run.change(_move(static, pose, view))
+            return
+        if pose is not None:
+            try:
+                pose = view.checks.on_ground(view.parts[name], pose)
+                view.checks.check(name, view.bodies(name), pose, episode.moving())
+            except UserError as problem:
+                raise QueryRefused("invalid_pose", str(problem)) from None
+        episode.place(name, pose, twist)
+
+    def _reset(self, scopes: frozenset[Scope]) -> None:
+        run = self._run
+        match sorted(scopes):
+            case ["spawned", "state", "time"]:
+                run.reset_all()
+            case ["state", "time"]:
+                run.reset()
+            case ["spawned", "state"]:
+                self._remove_spawned()
+                run.reset_state()
+            case ["state"]:
+                run.reset_state()
+            case ["spawned"]:
+                self._remove_spawned()
+            case _:
+                raise QueryRefused(
+                    "unsupported",
+                    "time cannot be reset alone. Fix: reset all, time and state, state, or what "
+                    "was spawned",
+                )
+
+    def _remove_spawned(self) -> None:
+        """Remove all that the run did not begin with, and forget descriptions."""
+        episode = self._run.episode
+        began = {*_names(self._run.first_scenario)}
+        if spawned := tuple(name for name in _names(episode.scenario) if name not in began):
+            self._run.change(Remove("what was spawned", spawned))
+        for name in [*episode.entities.descriptions]:
+            episode.describe(name, None)
+
+
+def _at(episode: Episode, tick: int, content: Mapping[str, object]) -> Answer:
+    stamp_nanos = episode.epoch_nanos + tick * TICK_NANOS
+    return {"tick": tick, "stamp_nanos": stamp_nanos, **content}
+
+
+def _known(name: str, view: WorldView) -> str:
+    names = view.names()
+    if name not in names:
+        raise QueryRefused("not_found", f"no entity `{name}`; {did_you_mean(name, names)}")
+    return name
+
+
+def _names(scenario: Scenario) -> list[str]:
+    """Return the names of all vehicles, actors and static solids."""
+    vehicles = (vehicle.name for vehicle in scenario.vehicles)
+    actors = (actor.name for actor in scenario.world.actors)
+    return [*vehicles, *actors, *(solid.name for solid in solids(scenario))]
+
+
+def _new_name(query: SpawnQuery, own: str, view: WorldView) -> str:
+    """Return the name of an entity that is to be spawned."""
+    name = query.name or own
+    taken = [*view.names(), *_names(view.scenario), *RESERVED_NAMES]
+    if query.allow_renaming:
+        name = re.sub(r"^[^a-z]+|[^a-z0-9_]", "_", name.lower()).lstrip("_0123456789") or own
+        return free_name(name, taken)
+    if not NAME.fullmatch(name) or name in RESERVED_NAMES:
+        raise QueryRefused(
+            "name_invalid",
+            f"`{name}` cannot be a name; expected lower case letters, digits and underscores, a "
+            "letter first, and no key of the bus. Fix: rename it, or allow renaming",
+        )
+    if name in taken or free_name(name, taken) != name:
+        raise QueryRefused(
+            "name_taken", f"the name `{name}` is taken. Fix: choose another one, or allow renaming"
+        )
+    return name
+
+
+def _in_namespace(more: Addition, namespace: str) -> Addition:
+    """Return an addition whose vehicles have their topics in a namespace."""
+    full = f"/{namespace.strip('/')}"
+    if not re.fullmatch(NAMESPACE, full):
+        raise QueryRefused(
+            "namespace_invalid",
+            f"`{namespace}` cannot be a namespace; expected letters, digits and underscores "
+            "between slashes",
+        )
+    vehicles = tuple(
+        replace(vehicle, namespace=full, command_topic=f"{full}/cmd_vel")
+        for vehicle in more.vehicles
+    )
+    return replace(more, vehicles=vehicles)
+
+
+def _move(static: StaticEntity, pose: Pose, view: WorldView) -> Move:
+    """Return the change that moves a static entity."""
+    built = {solid.name: solid for solid in solids(view.scenario)}
+    poses = {part: moved_pose(built[part], static.pose, pose) for part in static.parts}
+    return Move(static.name, *pose, poses)
+
+
+def _tilt(orientation: Quaternion) -> float:
+    """Return the sine of the angle between the z axis of a pose and up."""
+    x, y, _ = matrix_from_quaternion(orientation)[:, 2].tolist()
+    return hypot(x, y)
+
+
+def _yaw_deg(orientation: Quaternion) -> float:
+    """Return the heading of the x axis of a pose."""
+    forward = matrix_from_quaternion(orientation)[:, 0]
+    return degrees(atan2(forward[1], forward[0]))
+
+
+def named_poses(scenario: Scenario) -> list[NamedPoseReport]:
+    """Return the named poses of a world, and where its vehicles start, as `<vehicle>_start`."""
+    found = []
+    for name, named in scenario.world.poses.items():
+        x, y, z = named.position_m
+        box: tuple[Vector3 | None, Vector3 | None] = (None, None)
+        if named.box is not None:
+            box = named.box.low_m, named.box.high_m
+        pose = upright(x, y, z, named.yaw_deg)
+        found.append(NamedPoseReport(name, named.description, named.tags, *pose, *box))
+    ground = ground_of(scenario)
+    for vehicle in scenario.vehicles:
+        corners: Corners = box_around(vehicle_solids(vehicle.model))
+        pose = spawn_pose(vehicle, ground)
+        text = f"Start pose of `{vehicle.name}`"
+        found.append(NamedPoseReport(f"{vehicle.name}_start", text, ("start",), *pose, *corners))
+    return found
+
+
+def world_report(scenario: Scenario) -> WorldReport:
+    """Return name and description of a scenario's world."""
+    world = scenario.world
+    shipped = SHIPPED / "worlds" / f"{world.name}.yaml"
+    uri = f"worlds/{world.name}" if shipped.is_file() else ""
+    return WorldReport(world.name, uri, world.description or scenario.description, world.tags)
