@@ -220,7 +220,7 @@ class WorldQueryAnswers:
                 )
                 episode.describe(_known(query.name, view), description)
             case ResetQuery(scopes=scopes):
-                self._reset(frozenset(scopes))
+                return self._reset(frozenset(scopes))
         return self._changed()
 
     def _refuse_while_restoring(self) -> None:
@@ -340,13 +340,15 @@ class WorldQueryAnswers:
                 raise QueryRefused("invalid_pose", str(problem)) from None
         episode.place(name, pose, twist)
 
-    def _reset(self, scopes: frozenset[Scope]) -> None:
+    def _reset(self, scopes: frozenset[Scope]) -> Answer:
         run = self._run
         match sorted(scopes):
             case ["spawned", "state", "time"]:
                 run.reset_all()
+                return self._now()
             case ["state", "time"]:
                 run.reset()
+                return self._now()
             case ["spawned", "state"]:
                 self._remove_spawned()
                 run.reset_state()
@@ -360,6 +362,7 @@ class WorldQueryAnswers:
                     "time cannot be reset alone. Fix: reset all, time and state, state, or what "
                     "was spawned",
                 )
+        return self._changed()
 
     def _remove_spawned(self) -> None:
         """Remove all that the run did not begin with, and forget descriptions."""

@@ -2,13 +2,16 @@
 """The process around the simulation: when its time begins."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from msgspec.structs import replace
 
 from groundlink.bus.inbox import BusInbox
+from groundlink.bus.queries import world_query_key
 from groundlink.bus.session import REPLIES_KEPT
 from groundlink.core.clock import NANOS
 from groundlink.loader import load
@@ -144,4 +147,54 @@ def test_in_real_time_a_sensor_that_was_there_resumes(overload: Any, states: int
     assert [decode(known, Ack) for known in episode.history_for("gateway")] == [word]
     for late in ("rover/lidar", "rover/driver"):
         assert episode.history_for(late) == []
+    physics.close()
+
+
+class AskedBus(SlowBus):
+    """A bus that keeps what answers queries with a payload."""
+
+    def __init__(self, clocks: Clocks) -> None:
+        super().__init__(clocks)
+        self.answers: dict[str, Callable[[str, bytes], list[bytes]]] = {}
+
+    def serve_content(self, key: str, answer: Callable[[str, bytes], list[bytes]]) -> None:
+        self.answers[key] = answer
+
+
+def test_resets_by_scope_begin_episodes_that_keep_what_they_should() -> None:
+    bus: Any = AskedBus(Clocks())
+    scenario = replace(load(str(SCENARIO)), time=Time("fast"))
+    physics = process.PhysicsServer(RunSource(scenario), "run", bus)
+    physics._has_begun = True  # without its sensors
+    physics.episode.begin(1, 0.0)
+
+    def ask(query: str, **fields: object) -> Any:
+        content = msgspec.json.encode({"query": query, **fields})
+        with ThreadPoolExecutor(1) as pool:
+            asked = pool.submit(bus.answers[world_query_key("run")], "", content)
+            while not asked.done():
+                physics.receive()
+        answer = msgspec.json.decode(asked.result()[0])
+        assert "error" not in answer, answer
+        return answer
+
+    def entities() -> dict[str, Any]:
+        return {entity["name"]: entity for entity in ask("entities")["entities"]}
+
+    began, first_hash = entities(), physics.episode.world_hash
+    ask("spawn", uri="person", name="tom", position_m=[0.0, 1.0, 0.0])
+    ask("place", name="tom", position_m=[1.0, 1.0, 0.0])
+    ask("describe", name="rover", category="object", tags=["seen"])
+    physics.step()
+    assert ask("reset", scopes=["time", "state"])["tick"] == physics.episode.tick == 0
+    kept = entities()
+    assert kept.keys() == began.keys() | {"tom"}
+    assert (kept["tom"]["category"], kept["tom"]["position_m"]) == ("human", [0.0, 1.0, 0.0])
+    assert kept["rover"]["tags"] == ["seen"]
+    assert len(physics.episode.journal().entries) == 2, "so that a restored run knows them, too"
+    ask("remove", name="tom")
+    physics.step()
+    assert ask("reset", scopes=["time", "state", "spawned"])["tick"] == physics.episode.tick == 0
+    assert entities() == began
+    assert physics.episode.world_hash == first_hash
     physics.close()
