@@ -65,6 +65,17 @@ def _outputs(kind: SensorKind) -> dict[str, BusTopic]:
 WHEEL_COMMAND, JOINT_COMMAND = _beside(
     COMMAND, {"wheels": WheelCommand, "joints": JointState}
 ).values()
+JOINT_GROUP_COMMAND = replace(
+    JOINT_COMMAND, name="command.joints.group", key=f"{JOINT_COMMAND.key}/{{topic}}"
+)
+"""Row of the commands of `from_ros.joint_groups`; each has its ROS name in the key."""
+
+
+def joint_stream(key: str) -> str:
+    """Return the stream in a joint command's key: `joints`, or `joints/<topic>` of a group."""
+    return key.split("/", 4)[4]
+
+
 FAULTS = BusTopic(
     "faults", "faults/{process}", Faults, "every sensor", "when one begins or ends", Delivery.ALL
 )
@@ -138,6 +149,7 @@ TOPICS = (
     BODIES,
     VITALS,
     *FROM_ROS.values(),
+    JOINT_GROUP_COMMAND,
     RELAYED,
     FAULTS,
     MISSING_READINGS,

@@ -27,6 +27,7 @@ from groundlink.bus.topics import (
     FROM_ROS,
     GROUND_TRUTH,
     JOINT_COMMAND,
+    JOINT_GROUP_COMMAND,
     JOINTS,
     MISSING_READINGS,
     RELAYED,
@@ -84,7 +85,8 @@ def grants(scenario: Scenario) -> Iterator[tuple[str, Grant]]:
     for name in driver_names(scenario):
         vehicle_name = name.partition("/")[0]
         yield name, Grant((*_own(name), COMMAND.key_in("*", vehicle=vehicle_name)))
-    commands = tuple(row.key_in("*") for row in (COMMAND, WHEEL_COMMAND, JOINT_COMMAND))
+    commanding = (COMMAND, WHEEL_COMMAND, JOINT_COMMAND, JOINT_GROUP_COMMAND)
+    commands = tuple(row.key_in("*") for row in commanding)
     from_ros = (*FROM_ROS.values(), RELAYED)
     received = (row.key_in("*") for row in from_ros if row is not JOINT_COMMAND)
     yield "gateway", Grant((*_own("gateway"), *commands, *received), (link_key("*"),))

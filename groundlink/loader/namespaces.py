@@ -14,6 +14,9 @@ from groundlink.scenario.schema import NAMESPACE
 
 COMMAND_TOPIC = "cmd_vel"
 
+_TOPICS_AS_KEYS = ("from_ros", "topics"), ("from_ros", "joint_groups")
+"""Ends of the paths of fields whose keys are topics."""
+
 
 def into_namespaces(document: Document) -> None:
     """Give every vehicle its namespace and prefix, and every topic of it its full name.
@@ -46,7 +49,7 @@ def into_namespaces(document: Document) -> None:
 def _absolute(document: Document, path: DataPath, namespace: str) -> None:
     """Write topics in full, at a place and in all that is in it."""
     value = document.at(path)
-    if path[-2:] == ("from_ros", "topics") and isinstance(value, dict):
+    if path[-2:] in _TOPICS_AS_KEYS and isinstance(value, dict):
         _further(document, path, namespace)
     elif isinstance(value, dict):
         for key in value:
@@ -59,7 +62,7 @@ def _absolute(document: Document, path: DataPath, namespace: str) -> None:
 
 
 def _further(document: Document, path: DataPath, namespace: str) -> None:
-    """Write topics that are keys in full, and their types as ROS 1 has them."""
+    """Write topics that are keys in full, and types as ROS 1 has them."""
     full = {}
     for topic, ros_type in document.at(path).items():
         name = topic if topic.startswith("/") else f"{namespace}/{topic}"

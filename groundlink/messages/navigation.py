@@ -103,7 +103,10 @@ class Transforms(BusMessage, frozen=True):
 
 
 class JointState(BusMessage, frozen=True):
-    """State of joints (sensor_msgs/JointState). A quantity that is unknown is empty."""
+    """State of joints (sensor_msgs/JointState). A quantity that is unknown is empty.
+
+    As a command: NaN for a joint that is not commanded by this quantity.
+    """
 
     stamp_nanos: int
     frame: str

@@ -8,13 +8,13 @@ from math import inf
 from groundlink.bus.core_topics import COMMAND
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import GROUND_TRUTH, VITALS, WHEEL_COMMAND
+from groundlink.bus.topics import GROUND_TRUTH, JOINT_GROUP_COMMAND, VITALS, WHEEL_COMMAND
 from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.episode.mission import Mission
 from groundlink.episode.mission_tracker import MissionTracker, wheels_twist, world_box
-from groundlink.messages.base import BusMessage, Command, WheelCommand
+from groundlink.messages.base import BusMessage, Command, WheelCommand, floats
 from groundlink.messages.ground_truth import Vitals
-from groundlink.messages.navigation import Odometry
+from groundlink.messages.navigation import JointState, Odometry
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Vehicle
 from groundlink.world.bounds import Bounds
@@ -25,7 +25,8 @@ INBOX_DEPTH = 4096
 ABSENT_SECONDS = 2.0
 """A vehicle without a state for this long has been removed."""
 
-ROWS = (GROUND_TRUTH, COMMAND, WHEEL_COMMAND, VITALS)
+# The keys of groups of joints include that of all joints: `joints/**`.
+ROWS = (GROUND_TRUTH, COMMAND, WHEEL_COMMAND, JOINT_GROUP_COMMAND, VITALS)
 
 
 class MissionMonitor:
@@ -78,6 +79,8 @@ class _VehicleMonitor:
         self._until_seconds = until_seconds
         self.inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_DEPTH)
         self._vehicle, self._box = vehicle, box
+        shafts = vehicle.model.drive.shafts(vehicle.model.wheels)
+        self._shafts = [shaft.name for shaft in shafts if shaft.driven]
         self._epoch_nanos, self._tick = 0, -1
         self.tracker: MissionTracker | None = None
         """None until the first vitals, which tell the time of the run."""
@@ -104,6 +107,12 @@ class _VehicleMonitor:
         elif isinstance(message, WheelCommand):
             twist = wheels_twist(self._vehicle.model, message.speeds_radps)
             self.tracker.commanded(self._seconds(message.stamp_nanos), *twist)
+        elif isinstance(message, JointState):
+            speeds = floats(message.velocities).tolist()
+            of_joints = dict(zip(message.names, speeds, strict=False))
+            if of_wheels := {n: of_joints[n] for n in self._shafts if n in of_joints}:
+                twist = wheels_twist(self._vehicle.model, of_wheels)
+                self.tracker.commanded(self._seconds(message.stamp_nanos), *twist)
 
     def _tracker_of_episode(self, vitals: Vitals) -> MissionTracker:
         """Return the tracker; a new one if vitals are of another episode."""

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.bus.topics import GROUND_TRUTH, JOINTS, SENSOR_TOPICS
+from groundlink.bus.topics import GROUND_TRUTH, JOINTS, SENSOR_TOPICS, TRUE_WHEELS
 from groundlink.core.clock import NANOS
 from groundlink.core.frames import IDENTITY_QUATERNION, Floats
 from groundlink.messages.base import BusMessage, WheelEncoders, measured_nanos, packed
@@ -24,7 +24,8 @@ from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.wheel_encoders import IncrementalEncoders
 
-from .robot_description import urdf
+from .all_joints import AllJoints
+from .robot_description import Ros2Control, urdf
 from .streams import TF_STATIC_TOPIC, TF_TOPIC, TRUE_TF_TOPIC, mounts, static_transforms
 from .tf_tree import TopFromTruth, stamped
 
@@ -69,11 +70,19 @@ class Base:
         self.keys: dict[str, str] = {}
         """Keys of the bus topics that the driver subscribes to, by role."""
 
+        self._all_joints: AllJoints | None = None
         if self._encoders is not None:
             self.keys["encoders"] = _key(run, vehicle, self._encoders)
             self.topics.append(BaseTopic(self._joints_topic, JointState, self._encoders.rate_hz))
-        if vehicle.model.joints:
+        if vehicle.true_joints:
             self.keys["joints"] = JOINTS.key_in(run, vehicle=vehicle.name)
+        if vehicle.takes_joint_commands:
+            self.keys["wheels"] = TRUE_WHEELS.key_in(run, vehicle=vehicle.name)
+            self._all_joints = AllJoints(vehicle, has_encoders=self._encoders is not None)
+        has_own_messages = (
+            vehicle.model.joints if self._all_joints is None else self._encoders is None
+        )
+        if has_own_messages:
             self.topics.append(
                 BaseTopic(self._joints_topic, JointState, vehicle.ground_truth.rate_hz)
             )
@@ -92,7 +101,11 @@ class Base:
         self._roles = {key: role for role, key in self.keys.items()}
         self.description_topic = f"{vehicle.namespace}/{DESCRIPTION}"
         self.description = urdf(
-            vehicle.model, mounts(vehicle, 0), self._turning(), scenario.world.materials
+            vehicle.model,
+            mounts(vehicle, 0),
+            self._all_joints.names if self._all_joints else self._turning(),
+            scenario.world.materials,
+            self._ros2_control(),
         )
         """Robot description of the vehicle as URDF."""
 
@@ -102,6 +115,8 @@ class Base:
         """Reset the state at the start of an episode."""
         self._last: tuple[int, Floats] | None = None
         self._from_truth.restart()
+        if self._all_joints is not None:
+            self._all_joints.restart()
 
     def receive(self, key: str, message: BusMessage) -> Iterator[DerivedMessage]:
         """Yield the ROS messages that follow from a message of the bus."""
@@ -109,13 +124,11 @@ class Base:
         if role == "encoders" and isinstance(message, WheelEncoders):
             if len(message.ticks) != len(self._vehicle.model.counted):
                 return  # The reading is from a replayed run or another publisher.
-            yield DerivedMessage(
-                self._joints_topic, self._joint_state(message), measured_nanos(message)
-            )
-        elif role == "joints" and isinstance(message, JointState):
-            yield DerivedMessage(
-                self._joints_topic, replace(message, frame=""), message.stamp_nanos
-            )
+            measured = self._joint_state(message)
+            yield from self._joint_states("encoders", measured, measured_nanos(message))
+        elif role in ("wheels", "joints") and isinstance(message, JointState):
+            truth = replace(message, frame="")
+            yield from self._joint_states(role, truth, message.stamp_nanos)
         elif role is not None and isinstance(message, Odometry):
             if role == "odometry":
                 moved = stamped(
@@ -126,6 +139,19 @@ class Base:
             if "truth" in self.keys:
                 for nanos, transform in self._from_truth.receive(role, message):
                     yield DerivedMessage(TF_TOPIC, Transforms((transform,)), nanos)
+
+    def _joint_states(self, role: str, message: JointState, nanos: int) -> Iterator[DerivedMessage]:
+        """Yield the joint states that follow from a message of its instant."""
+        if self._all_joints is None:
+            yield DerivedMessage(self._joints_topic, message, nanos)
+            return
+        for at, joined in self._all_joints.receive(role, message, nanos):
+            yield DerivedMessage(self._joints_topic, joined, at)
+
+    def _ros2_control(self) -> Ros2Control | None:
+        """Return the topics of `ros2_control` if ROS commands joints by JointState."""
+        commands = self._vehicle.from_ros.joints
+        return None if commands is None else Ros2Control(commands, self._joints_topic)
 
     def fixed(self, stamp_nanos: int) -> tuple[Transform, ...]:
         """Return the static transforms above `odom`."""

@@ -6,7 +6,7 @@ sensor kinds define.
 """
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import chain
 from typing import Any
@@ -15,10 +15,12 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import get_types_from_msg
 
 from groundlink.messages.base import BadBusMessage, BusMessage, M, Relayed
+from groundlink.scenario.joints import JointInterface
 from groundlink.scenario.sensor_kinds import load_reference, sensor_kinds
 
 from . import diagnostics, imagery, motion, navigation, points
 from .codec import Codec, Moment
+from .joint_commands import MULTI_ARRAY, read_joint_group, read_joint_state
 from .types import STORE, TYPES
 
 Body = bytes | bytearray | memoryview
@@ -113,8 +115,19 @@ READERS: dict[str, Reader] = {
 """
 
 
-def reader(message: type[BusMessage], ros_type: str) -> Reader:
-    """Return a function that reads bodies of a ROS type as bus messages of one type."""
+def reader(
+    message: type[BusMessage], ros_type: str, joints: Sequence[JointInterface] = ()
+) -> Reader:
+    """Return a function that reads bodies of a ROS type as bus messages of one type.
+
+    Parameters
+    ----------
+    joints
+        joints that a command's values belong to; see `RosStream.joints`.
+    """
+    if joints:
+        checked = read_joint_group if ros_type == MULTI_ARRAY else read_joint_state
+        return partial(_read, ros_type=ros_type, checked=partial(checked, joints=joints))
     return partial(relayed, ros_type=ros_type) if message is Relayed else READERS[ros_type]
 
 

@@ -27,6 +27,7 @@ from .codec import (
     checked_unit,
     stamp_and_frame,
 )
+from .joint_commands import joint_command
 from .types import TYPES, array, header, nanos, pose, quaternion, time, vector, xyz, xyzw
 
 
@@ -199,19 +200,8 @@ def _joint_state_of(ros: Any, moment: Moment) -> JointState:
 
 
 def _read_joint_state(ros: Any, now_nanos: int) -> JointState:
-    """Return the commanded positions of joints, valid from `now_nanos`."""
-    check_finite(*ros.position, *ros.velocity)
-    count = len(ros.name)
-    if len(ros.position) != count or len(ros.velocity) not in {0, count}:
-        raise BadBusMessage(f"{count} joints with {len(ros.position)} positions")
-    return JointState(
-        stamp_nanos=now_nanos,
-        frame="",
-        names=tuple(map(checked_name, ros.name)),
-        positions=packed(np.asarray(ros.position, np.float64)),
-        velocities=packed(np.asarray(ros.velocity, np.float64)),
-        efforts=memoryview(b""),
-    )
+    """Return a command of joints, valid from `now_nanos`."""
+    return joint_command(ros.name, (ros.position, ros.velocity, ros.effort), now_nanos)
 
 
 def _nav_sat_fix(message: NavSatFix) -> dict[str, Any]:

@@ -10,14 +10,15 @@ by its bounding box.
 """
 
 from collections.abc import Collection, Sequence
-from math import isinf
+from math import isinf, radians
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.frames import IDENTITY_QUATERNION, matrix_from_quaternion, rpy_from_matrix
 from groundlink.messages.navigation import Transform
 from groundlink.scenario.joints import Joint
-from groundlink.scenario.running_gear import Wheel
+from groundlink.scenario.running_gear import Ackermann, Tracked, Wheel
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Box, Cylinder, Material, Mesh, Shape, Solid, Sphere
 
@@ -27,11 +28,19 @@ _ACROSS = (0.5**0.5, 0.0, 0.0, 0.5**0.5)
 """link_from_cylinder: the wheel's axle is y in the link; a cylinder's axis is its z."""
 
 
+class Ros2Control(NamedTuple):
+    """Topics on which `topic_based_ros2_control` commands joints and reads their states."""
+
+    commands_topic: str
+    states_topic: str
+
+
 def urdf(
     model: VehicleModel,
     mounts: Sequence[Transform],
     turning: Collection[str],
     materials: dict[str, Material],
+    ros2_control: Ros2Control | None = None,
 ) -> str:
     """Return a URDF document.
 
@@ -40,9 +49,11 @@ def urdf(
     mounts
         parent_from_child of each sensor's frame, without prefix.
     turning
-        wheels with published angles, as joints of their names.
+        joints with published positions: wheels by their names, tracks, steering joints.
     materials
         materials of the world, in addition to the model's own.
+    ros2_control
+        its topics; None: no block for it.
     """
     colors = model.materials | materials
     robot = Element("robot", name=model.name)
@@ -53,8 +64,18 @@ def urdf(
         _show(base, "visual", solid, colors)
     for solid in (*((box,) if chassis.collides else ()), *model.collisions):
         _show(base, "collision", solid, {})
+    drive = model.drive
+    if isinstance(drive, Tracked):
+        for track in drive.shafts(model.wheels):
+            if track.name in turning:
+                _track(robot, model.base_frame, track.name, model.wheels[track.wheels[0]])
     for wheel in model.wheels:
-        link = _wheel(robot, model.base_frame, wheel, turns=wheel.name in turning)
+        carrier, at = model.base_frame, wheel.center_m
+        if isinstance(drive, Ackermann) and wheel.name in drive.steered:
+            name = drive.steering_joints[drive.steered.index(wheel.name)]
+            if name in turning:
+                carrier, at = _steering(robot, carrier, name, at, drive), (0.0, 0.0, 0.0)
+        link = _wheel(robot, carrier, wheel, at, turns=wheel.name in turning)
         roller = Cylinder(radius_m=wheel.radius_m, length_m=wheel.width_m)
         tread = Solid(wheel.name, roller, wheel.material, orientation=_ACROSS)
         for solid in wheel.visuals or (tread,):
@@ -70,16 +91,61 @@ def urdf(
         _sub(joint, "child", link=mount.child)
         _origin(joint, mount.translation_m, mount.rotation)
         _sub(robot, "link", name=mount.child)
+    if ros2_control is not None:
+        _add_ros2_control(robot, model, ros2_control)
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode")
 
 
-def _wheel(robot: Element, base: str, wheel: Wheel, *, turns: bool) -> Element:
+def _add_ros2_control(robot: Element, model: VehicleModel, topics: Ros2Control) -> None:
+    """Add the block that `controller_manager` reads."""
+    system = _sub(robot, "ros2_control", name=f"{model.name}_system", type="system")
+    hardware = _sub(system, "hardware")
+    _sub(hardware, "plugin").text = "topic_based_ros2_control/TopicBasedSystem"
+    for name, value in (
+        ("joint_commands_topic", topics.commands_topic),
+        ("joint_states_topic", topics.states_topic),
+        # By default the plugin sends no velocities as long as the positions are zero.
+        ("trigger_joint_command_threshold", "-1"),
+    ):
+        _sub(hardware, "param", name=name).text = value
+    for interface in model.joint_interfaces():
+        joint = _sub(system, "joint", name=interface.name)
+        _sub(joint, "command_interface", name=interface.commands[0])
+        for state in ("position", "velocity"):
+            _sub(joint, "state_interface", name=state)
+
+
+def _track(robot: Element, base: str, name: str, first: Wheel) -> None:
+    """Add the shaft of a track, at the track's first wheel."""
+    joint = _sub(robot, "joint", name=name, type="continuous")
+    _sub(joint, "parent", link=base)
+    _sub(joint, "child", link=f"{name}_link")
+    _origin(joint, first.center_m, IDENTITY_QUATERNION)
+    _sub(joint, "axis", xyz="0 1 0")
+    _sub(robot, "link", name=f"{name}_link")
+
+
+def _steering(robot: Element, base: str, name: str, at: Vector3, drive: Ackermann) -> str:
+    """Add a joint that steers a wheel, and return the name of its link."""
+    joint = _sub(robot, "joint", name=name, type="revolute")
+    _sub(joint, "parent", link=base)
+    _sub(joint, "child", link=f"{name}_link")
+    _origin(joint, at, IDENTITY_QUATERNION)
+    _sub(joint, "axis", xyz="0 0 1")
+    most, speed = _text(radians(drive.max_steering_deg)), radians(drive.steering_speed_degps)
+    effort = _text(drive.steering_torque_nm)
+    _sub(joint, "limit", lower=f"-{most}", upper=most, effort=effort, velocity=_text(speed))
+    _sub(robot, "link", name=f"{name}_link")
+    return f"{name}_link"
+
+
+def _wheel(robot: Element, carrier: str, wheel: Wheel, at: Vector3, *, turns: bool) -> Element:
     """Add a wheel with its spring at rest under load, and return its link."""
     joint = _sub(robot, "joint", name=wheel.name, type="continuous" if turns else "fixed")
-    _sub(joint, "parent", link=base)
+    _sub(joint, "parent", link=carrier)
     _sub(joint, "child", link=f"{wheel.name}_link")
-    _origin(joint, wheel.center_m, IDENTITY_QUATERNION)
+    _origin(joint, at, IDENTITY_QUATERNION)
     if turns:
         _sub(joint, "axis", xyz="0 1 0")
     return _sub(robot, "link", name=f"{wheel.name}_link")

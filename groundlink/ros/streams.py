@@ -18,6 +18,7 @@ from groundlink.bus.topics import (
     FROM_ROS,
     GROUND_TRUTH,
     JOINT_COMMAND,
+    JOINT_GROUP_COMMAND,
     JOINTS,
     MISSING_READINGS,
     RELAYED,
@@ -31,6 +32,7 @@ from groundlink.messages.ground_truth import VITALS_HZ, WORLD_FRAME
 from groundlink.messages.navigation import Transform, Transforms
 from groundlink.scenario import Scenario
 from groundlink.scenario.every_sensor import Repair, SensorSpec
+from groundlink.scenario.joints import JointInterface
 from groundlink.scenario.ros_side import Stream
 from groundlink.scenario.rotating_lidar import RotatingLidar
 from groundlink.scenario.schema import Vehicle
@@ -53,6 +55,9 @@ class RosStream:
 
     ros_type: str = ""
     """ROS type, if it is not that of the message's codec."""
+
+    joints: tuple[JointInterface, ...] = ()
+    """Of a command of joints: all joints of the vehicle, or of the group whose values it has."""
 
     is_command: bool = False
     """Whether messages are commands to the run. Commands act at their stamps, which are of the
@@ -139,10 +144,23 @@ def incoming(scenario: Scenario, run: str) -> list[RosStream]:
                 topic=topic,
                 declared_hz=None,
                 ros_type=ros_type,
+                joints=vehicle.model.joint_interfaces() if row is JOINT_COMMAND else (),
                 is_command=row in (COMMAND, JOINT_COMMAND),
             )
             for row, topic, ros_type in rows
             if topic is not None
+        ]
+        streams += [
+            RosStream(
+                key=JOINT_GROUP_COMMAND.key_in(run, vehicle=vehicle.name, topic=topic.strip("/")),
+                message=JOINT_GROUP_COMMAND.message,
+                topic=topic,
+                declared_hz=None,
+                ros_type="std_msgs/msg/Float64MultiArray",
+                joints=tuple(JointInterface(name, (group.interface,)) for name in group.joints),
+                is_command=True,
+            )
+            for topic, group in vehicle.from_ros.joint_groups.items()
         ]
         streams += [
             RosStream(

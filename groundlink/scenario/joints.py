@@ -7,7 +7,7 @@ chassis includes their weight; moving them does not push the base. They do not c
 
 from collections.abc import Sequence
 from math import cos, hypot, sin
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from groundlink.core.fields import Positive, Quaternion, Spec, Vector3
 from groundlink.core.frames import IDENTITY_QUATERNION
@@ -17,6 +17,17 @@ from groundlink.world.solids import Solid
 from .every_sensor import Name
 
 Pose = tuple[Vector3, Quaternion]
+
+Quantity = Literal["position", "velocity", "effort"]
+"""A quantity that a joint is commanded by: a field of sensor_msgs/JointState."""
+
+
+class JointInterface(NamedTuple):
+    """A joint of a vehicle that takes commands from ROS."""
+
+    name: str
+    commands: tuple[Quantity, ...]
+    """Quantities that it can be commanded by. The first is the one of `ros2_control`."""
 
 
 class Joint(Spec, frozen=True, kw_only=True):

@@ -14,6 +14,7 @@ from groundlink.core.fields import Spec
 from groundlink.emulation.script import LinkScript
 
 from .every_sensor import Address, Name, Peer, Rate, Repair, RosTopic
+from .joints import Quantity
 from .sensor_kinds import sensor_kinds
 
 OTHER_STREAM_KINDS = (
@@ -88,6 +89,17 @@ GATEWAY_TOPICS = frozenset({"/clock", "/tf", "/tf_static", "/ground_truth/tf"})
 """Topics that the gateway publishes to ROS; they cannot come from ROS."""
 
 
+class JointGroup(Spec, frozen=True, kw_only=True):
+    """Joints that one topic commands."""
+
+    interface: Quantity
+    """Quantity of the values. `velocity` and `effort`: of driven wheels and tracks, rad/s and N m.
+    `position`: of steering joints and other joints, rad or m."""
+
+    joints: Annotated[tuple[Name, ...], Meta(min_length=1)]
+    """Names of the joints in the order of the values."""
+
+
 class FromRos(Spec, frozen=True):
     """ROS topics of the vehicle's stack that the gateway publishes on the bus."""
 
@@ -101,7 +113,12 @@ class FromRos(Spec, frozen=True):
     """nav_msgs/OccupancyGrid: the stack's map."""
 
     joints: RosTopic | None = None
-    """sensor_msgs/JointState: position commands for the vehicle's `joints`."""
+    """sensor_msgs/JointState: commands for driven wheels, steering joints and other joints."""
+
+    joint_groups: dict[RosTopic, JointGroup] = field(default_factory=dict)
+    """Topics of std_msgs/Float64MultiArray with commands for groups of joints, as ros2_controllers
+    take them, such as {/velocity_controller/commands: {interface: velocity, joints: [left,
+    right]}}."""
 
     topics: dict[RosTopic, RosType] = field(default_factory=dict)
     """Further topics with their types, such as {/plan: nav_msgs/Path}."""
@@ -109,7 +126,7 @@ class FromRos(Spec, frozen=True):
     def all_topics(self) -> list[str]:
         """Return all topics to subscribe to."""
         named = (self.pose, self.odometry, self.map, self.joints)
-        return [*(topic for topic in named if topic is not None), *self.topics]
+        return [*(topic for topic in named if topic is not None), *self.joint_groups, *self.topics]
 
 
 class TfTree(Spec, frozen=True):

@@ -191,6 +191,11 @@ class DriveSpec(Spec, frozen=True, tag_field="kind", kw_only=True):
         """Return the shafts that have encoders, for wheel odometry."""
         return tuple(shaft for shaft in self.shafts(wheels) if shaft.driven)
 
+    @property
+    def steering_joints(self) -> tuple[str, ...]:
+        """Names of the joints that steer wheels."""
+        return ()
+
     def pivot_x_m(self, wheels: Sequence[Wheel]) -> float:
         """Return the x coordinate of the point without sideways motion in a turn."""
         return 0.0
@@ -312,6 +317,11 @@ class Ackermann(DriveSpec, frozen=True, tag="ackermann", kw_only=True):
     def pivot_x_m(self, wheels: Sequence[Wheel]) -> float:
         """Return the x coordinate of the axle that is not steered."""
         return self._counted_x_m(wheels)
+
+    @property
+    def steering_joints(self) -> tuple[str, ...]:
+        """Names of the joints that steer wheels, in the order of `steered`."""
+        return tuple(f"{name}_steering" for name in self.steered)
 
     def least_radius_m(self, wheels: Sequence[Wheel]) -> float:
         """Return the turning radius with the inner wheel at its largest steering angle."""

@@ -269,6 +269,30 @@ class Vehicle(Spec, frozen=True, kw_only=True):
     route: Route | None = None
     """Route of the autopilot; none: the vehicle waits for commands."""
 
+    def __post_init__(self) -> None:
+        if not self.from_ros.joint_groups:
+            return
+        joints = {joint.name: joint.commands for joint in self.model.joint_interfaces()}
+        for topic, group in self.from_ros.joint_groups.items():
+            for name in group.joints:
+                if group.interface not in joints.get(name, ()):
+                    known = ", ".join(n for n in joints if group.interface in joints[n]) or "none"
+                    raise ValueError(
+                        f"`from_ros.joint_groups`: {topic}: no joint `{name}` takes commands of "
+                        f"`{group.interface}`; expected one of {known}"
+                    )
+
+    @property
+    def takes_joint_commands(self) -> bool:
+        """Whether ROS commands the vehicle's joints, and so needs the states of all of them."""
+        return self.from_ros.joints is not None or bool(self.from_ros.joint_groups)
+
+    @property
+    def true_joints(self) -> tuple[str, ...]:
+        """Names of the joints in the ground truth of joints, without wheels."""
+        steering = self.model.drive.steering_joints if self.takes_joint_commands else ()
+        return (*(joint.name for joint in self.model.joints), *steering)
+
 
 FIXED_EPOCH_NANOS = 1_000_000_000 * NANOS
 """Epoch of runs that do not follow the wall clock: 2001-09-09 01:46:40 UTC. Sim time can be read
@@ -422,7 +446,7 @@ class Scenario(Spec, frozen=True, kw_only=True):
 
     def true_topics(self, vehicle: Vehicle) -> list[str]:
         """Return the ROS topics of a vehicle's ground truth."""
-        joints = [self.true_joints_topic(vehicle)] if vehicle.model.joints else []
+        joints = [self.true_joints_topic(vehicle)] if vehicle.true_joints else []
         return [self.ground_truth_topic(vehicle), self.true_wheels_topic(vehicle), *joints]
 
     def vitals_topic(self, vehicle: Vehicle) -> str:

@@ -16,7 +16,7 @@ from groundlink.core.fields import Fraction01, NonNegative, Positive, Size3, Spe
 from groundlink.world.solids import Material, Solid
 
 from .every_sensor import Frame, Mount
-from .joints import Joint
+from .joints import Joint, JointInterface
 from .joints import check as check_joints
 from .running_gear import (
     Ackermann,
@@ -140,7 +140,7 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
                     f"expected `stiffness_npm` of at most {most:.0f}, or a heavier wheel"
                 )
         self.drive.check(self.wheels)
-        check_joints(self.joints, names)
+        check_joints(self.joints, (*names, *(joint.name for joint in self._drive_joints())))
 
     @property
     def base_height_m(self) -> float:
@@ -155,6 +155,18 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
         """Return the links in the order of `VehicleState.link_poses`: base, wheels, joints."""
         names = [part.name for parts in (self.wheels, self.joints) for part in parts]
         return (self.base_frame, *(f"{name}_link" for name in names))
+
+    def _drive_joints(self) -> tuple[JointInterface, ...]:
+        driven = (shaft.name for shaft in self.drive.shafts(self.wheels) if shaft.driven)
+        return (
+            *(JointInterface(name, ("velocity", "effort")) for name in driven),
+            *(JointInterface(name, ("position",)) for name in self.drive.steering_joints),
+        )
+
+    def joint_interfaces(self) -> tuple[JointInterface, ...]:
+        """Return the joints that take commands: driven shafts, steering joints, other joints."""
+        servos = (JointInterface(joint.name, ("position",)) for joint in self.joints)
+        return (*self._drive_joints(), *servos)
 
     @property
     def counted(self) -> tuple[Shaft, ...]:

@@ -275,7 +275,8 @@ def rmw_zenoh(scenario: Scenario, gateway: Gateway) -> Iterator[None]:
     with ros_bus as bus:
         wanted = [(each.msg_type, each.topic) for each in gateway.subscriptions]
         gateway.native = RmwZenohBridge(
-            bus, settings, gateway.pushed, wanted, gateway.latched, gateway.typed
+            *(bus, settings, gateway.pushed, wanted, gateway.latched),
+            gateway.typed | gateway.subscriptions.typed,
         )
         yield
 

@@ -16,7 +16,8 @@ from groundlink.bus.session import Bus
 from groundlink.ros.types import STORE
 from groundlink.scenario.ros_side import RmwZenoh
 from udp_bridge.wire.message import Message
-from udp_bridge.wire.types import MSG_TYPES
+from udp_bridge.wire.typed import typed_prefix
+from udp_bridge.wire.types import MSG_TYPES, TYPED
 
 from .subscribers import TopicKey
 
@@ -156,7 +157,8 @@ class RmwZenohBridge:
                 self._publishers[place] = _Publisher(put, token, is_latched)
             else:
                 key = data_key(domain, topic, ros_type, "*")
-                bus.subscribe_bytes(key, self._hand_over(place))
+                prefix = typed_prefix(ros_type) if place[0] == TYPED else b""
+                bus.subscribe_bytes(key, self._hand_over(place, prefix))
             bus.announce(token)
 
     def offers(self, place: TopicKey) -> bool:
@@ -174,8 +176,8 @@ class RmwZenohBridge:
             (msg_type, topic), body = self._arrived.popleft()
             yield Message(msg_type, topic, "", 0, 0, body)
 
-    def _hand_over(self, place: TopicKey) -> Callable[[bytes], None]:
-        return lambda body: self._arrived.append((place, body))
+    def _hand_over(self, place: TopicKey, prefix: bytes) -> Callable[[bytes], None]:
+        return lambda body: self._arrived.append((place, prefix + body))
 
 
 class NoRmwZenohBridge:

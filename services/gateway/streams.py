@@ -7,18 +7,20 @@ derived from the scenario and the tables of types.
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 from groundlink.messages.base import BadBusMessage, BusMessage
 from groundlink.messages.ground_truth import TruePoints
-from groundlink.ros.cdr import CODECS, ROS_CODECS, Body, reader
+from groundlink.ros.cdr import CODECS, ROS_CODECS, Body, Reader, reader
 from groundlink.ros.message_sizes import body_bytes
 from groundlink.ros.streams import Outgoing, incoming
 from groundlink.scenario import Scenario
 from groundlink.scenario.every_sensor import RepairBy
 from udp_bridge.sender.repair import Mode, parse_mode
 from udp_bridge.wire.control import Subscribe
+from udp_bridge.wire.header import Refused
 from udp_bridge.wire.message import Message as WireMessage
-from udp_bridge.wire.typed import pack_typed
+from udp_bridge.wire.typed import pack_typed, parse_typed
 from udp_bridge.wire.types import MSG_TYPES, NUMBER_OF_ROS_TYPE, TYPED, type_number
 
 from .subscribers import TopicKey
@@ -105,14 +107,32 @@ class RosSubscription:
         return self.reader(message.body, now_nanos)
 
 
+def _read_typed(body: Body, now_nanos: int, *, ros_type: str, read: Reader) -> BusMessage:
+    """Read a body that begins with the name of its ROS type."""
+    try:
+        typed = parse_typed(body)
+    except Refused as error:
+        raise BadBusMessage(f"no type name: {error}") from None
+    if typed.ros_type != ros_type:
+        raise BadBusMessage(f"a {typed.ros_type}; expected {ros_type}")
+    return read(memoryview(body)[typed.offset :], now_nanos)
+
+
 class RosSubscriptions:
     """All topics that a run subscribes to in ROS."""
 
     def __init__(self, scenario: Scenario, run: str) -> None:
+        self.typed: dict[TopicKey, str] = {}
+        """ROS type of the topics whose type has no number on the wire."""
+
         subscriptions = []
         for stream in incoming(scenario, run):
             msg_type = wire_type(stream.message, stream.ros_type)
-            read = reader(stream.message, str(MSG_TYPES[msg_type].ros_type))
+            ros_type = stream.ros_type if msg_type == TYPED else str(MSG_TYPES[msg_type].ros_type)
+            read = reader(stream.message, ros_type, stream.joints)
+            if msg_type == TYPED:
+                read = partial(_read_typed, ros_type=ros_type, read=read)
+                self.typed[msg_type, stream.topic] = ros_type
             subscriptions.append(
                 RosSubscription(msg_type=msg_type, topic=stream.topic, key=stream.key, reader=read)
             )

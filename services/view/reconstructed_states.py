@@ -136,7 +136,11 @@ class _Links:
             self.angles = angles
 
     def move(self, positions: Floats) -> None:
-        """Move the links of joints other than wheels to positions, in rad or m."""
+        """Move the links of joints other than wheels to positions, in rad or m.
+
+        Positions of steering joints may follow; they are not drawn.
+        """
+        positions = positions[: len(self._joints)]
         if len(positions) == len(self._joints):
             for row, pose in enumerate(base_from_links(self._joints, positions.tolist())):
                 self._base_from_joint[row] = *pose[0], *pose[1]

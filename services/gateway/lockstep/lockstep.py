@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 
 from groundlink.bus.core_topics import GATEWAY, PHYSICS
 from groundlink.bus.inbox import BusInbox
+from groundlink.bus.topics import joint_stream
 from groundlink.core.backoff import Backoff
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
@@ -379,8 +380,9 @@ class Lockstep:
             taken = self._gateway.take(message)
             if taken is not None and isinstance(taken[1], Command):
                 commanded[taken[0].split("/")[2]] = reply.tick
-            elif taken is not None and taken[0].endswith("/command/joints"):
-                commanded[taken[0].split("/")[2] + "/joints"] = reply.tick
+            elif taken is not None and "/command/joints" in taken[0]:
+                vehicle = taken[0].split("/")[2]
+                commanded[f"{vehicle}/{joint_stream(taken[0])}"] = reply.tick
         self._acknowledge(Ack(reply.episode, reply.tick, reply.tick, commanded=dict(commanded)))
 
     def _skip(self) -> None:

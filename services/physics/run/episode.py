@@ -218,8 +218,19 @@ class Episode:
         if ack.episode == self.number and process not in self._cut_off:
             self._pending_acks.add(process, ack)
 
-    def command(self, vehicle: str, command: Command | WheelCommand | JointState) -> bool:
+    def command(
+        self,
+        vehicle: str,
+        command: Command | WheelCommand | JointState,
+        *,
+        stream: str = "joints",
+    ) -> bool:
         """Give a vehicle a command; return False for a stale one, which does not act.
+
+        Parameters
+        ----------
+        stream
+            of a command of joints, as acknowledgements name it; see `joint_stream`.
 
         Raises
         ------
@@ -232,18 +243,20 @@ class Episode:
             return self._apply(Commanded(self.tick, vehicle, velocity))
         if isinstance(command, JointState):
             joints = replace(command, stamp_nanos=stamp_nanos)
-            return self._apply(JointsCommanded(self.tick, vehicle, joints))
+            return self._apply(JointsCommanded(self.tick, vehicle, joints), stream)
         wheels = replace(command, stamp_nanos=stamp_nanos)
         return self._apply(WheelsCommanded(self.tick, vehicle, wheels))
 
-    def _apply(self, entry: Commanded | WheelsCommanded | JointsCommanded) -> bool:
+    def _apply(
+        self, entry: Commanded | WheelsCommanded | JointsCommanded, stream: str = "joints"
+    ) -> bool:
         if isinstance(entry, Commanded):
             # Acknowledgements of drivers refer to these commands.
             tick = entry.command.stamp_nanos // TICK_NANOS
             self._pending_acks.commanded(entry.vehicle, tick)
         elif isinstance(entry, JointsCommanded):
             tick = entry.command.stamp_nanos // TICK_NANOS
-            self._pending_acks.commanded(f"{entry.vehicle}/joints", tick)
+            self._pending_acks.commanded(f"{entry.vehicle}/{stream}", tick)
         will_act = self._simulation.command(entry.vehicle, entry.command)
         self._entries.append(encode_entry(entry))
         return will_act
@@ -351,8 +364,9 @@ class Episode:
                 torques = simulation.motor_torques(truth.vehicle)
                 publish.truth[truth.vehicle](truth.odometry(vehicle, stamp))
                 publish.wheels[truth.vehicle](truth.wheels(vehicle, torques, stamp))
-                if len(vehicle.servo_positions):
-                    publish.joints[truth.vehicle](truth.joints(vehicle, stamp))
+                if truth.joint_names:
+                    steering = simulation.steering(truth.vehicle)
+                    publish.joints[truth.vehicle](truth.joints(vehicle, steering, stamp))
         if bodies := self._bodies.poses(state):
             publish.bodies(bodies)
         if simulation.tick % VITALS_TICKS == 0:

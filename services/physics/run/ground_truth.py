@@ -78,7 +78,10 @@ class VehicleTruth:
         self.vehicle = vehicle.name
         self._child_frame = vehicle.frame_prefix + vehicle.model.base_frame
         self._wheels = tuple(wheel.name for wheel in vehicle.model.wheels)
-        self._joints = tuple(joint.name for joint in vehicle.model.joints)
+        self.joint_names = vehicle.true_joints
+        """Of the joints that `joints` returns: servo joints, then steering joints."""
+
+        self._has_steering = len(self.joint_names) > len(vehicle.model.joints)
         self._instants = _Instants(vehicle.ground_truth.rate_hz, from_tick)
         self._before: VehicleState | None = None
 
@@ -139,14 +142,23 @@ class VehicleTruth:
             efforts=torques,
         )
 
-    def joints(self, vehicle: VehicleState, stamp_nanos: int) -> JointState:
-        """Return the positions of servo joints."""
+    def joints(
+        self, vehicle: VehicleState, steering: tuple[memoryview, memoryview], stamp_nanos: int
+    ) -> JointState:
+        """Return positions and speeds of the joints other than wheels.
+
+        Parameters
+        ----------
+        steering
+            angles and speeds of the steering joints at the last tick; they are not interpolated.
+        """
+        angles, speeds = steering if self._has_steering else (b"", b"")
         return JointState(
             stamp_nanos=stamp_nanos,
             frame=self._child_frame,
-            names=self._joints,
-            positions=vehicle.servo_positions,
-            velocities=vehicle.servo_velocities,
+            names=self.joint_names,
+            positions=memoryview(bytes(vehicle.servo_positions) + bytes(angles)),
+            velocities=memoryview(bytes(vehicle.servo_velocities) + bytes(speeds)),
             efforts=memoryview(b""),
         )
 

@@ -154,7 +154,7 @@ class PhysicsServer:
         if self.control.paused:
             self._health.pause()
             return []
-        return self._health.check(self.episode, now_seconds)
+        return [*self._peers.log_lines(), *self._health.check(self.episode, now_seconds)]
 
     def wait_seconds(self, now_seconds: float) -> float:
         """Return how long to wait before the next step; 0 for not at all.

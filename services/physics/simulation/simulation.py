@@ -218,7 +218,7 @@ class Simulation:
         return self.tick * TICK_NANOS
 
     def command(self, vehicle_name: str, command: Command | WheelCommand | JointState) -> bool:
-        """Command velocities of a vehicle or its wheels, or positions of its joints.
+        """Command velocities of a vehicle or its wheels, or its joints by name.
 
         A command acts in the first step at or after its stamp.
 
@@ -235,7 +235,7 @@ class Simulation:
         """
         vehicle = self._vehicles[vehicle_name]
         if isinstance(command, JointState):
-            return vehicle.servos.command(command)
+            return vehicle.command_joints(command)
         return vehicle.drive.command(command)
 
     def step(self) -> None:
@@ -262,6 +262,10 @@ class Simulation:
     def motor_torques(self, vehicle_name: str) -> memoryview:
         """Return the torque of each wheel's motor in the last tick: float64, N m, forward > 0."""
         return self._vehicles[vehicle_name].motor_torques()
+
+    def steering(self, vehicle_name: str) -> tuple[memoryview, memoryview]:
+        """Return angles and speeds of a vehicle's steering joints: float64, rad and rad/s."""
+        return self._vehicles[vehicle_name].steering()
 
     def vitals(self, stamp_nanos: int) -> list[Vitals]:
         """Return every vehicle's energy so far and its contacts since the last call."""

@@ -7,7 +7,7 @@ motor's latency), until a newer one acts or it is older than the drive's timeout
 
 from bisect import insort
 from collections.abc import Sequence
-from math import isfinite, radians
+from math import copysign, isfinite, radians
 from typing import NamedTuple
 
 from groundlink.core.clock import NANOS, TICK_SECONDS
@@ -15,6 +15,7 @@ from groundlink.messages.base import Command, WheelCommand
 from groundlink.scenario.running_gear import Ackermann
 from groundlink.scenario.vehicle import VehicleModel
 
+from .joint_commands import CommandedJoints, JointTargets
 from .steering import STANDSTILL, Speeds, Twist, steering
 
 MAX_WAITING = 1000
@@ -29,6 +30,10 @@ class WheelTargets(NamedTuple):
 
     angles_rad: tuple[float, ...]
     """Of the steered wheels."""
+
+    torques_nm: tuple[float | None, ...] = ()
+    """Of the driven shafts: the largest torque toward the target speed; None, as without values,
+    for that of the motor."""
 
 
 class Controller:
@@ -54,9 +59,10 @@ class Controller:
         self._range = radians(drive.max_steering_deg) if isinstance(drive, Ackermann) else 0.0
         self._linear_step = drive.max_acceleration_mps2 * TICK_SECONDS
         self._angular_step = drive.max_angular_acceleration_radps2 * TICK_SECONDS
-        self._waiting: list[tuple[int, Twist | WheelTargets]] = []
+        self._waiting: list[tuple[int, Twist | WheelTargets | JointTargets]] = []
         self._now_nanos = self._since_nanos = -1
-        self._asked: Twist | WheelTargets = STANDSTILL
+        self._asked: Twist | WheelTargets | CommandedJoints = STANDSTILL
+        self._joints = CommandedJoints(len(self.shafts), self._timeout_nanos)
         self._ramped: Twist | None = STANDSTILL
         self._wheels = WheelTargets(
             self._steering.speeds(STANDSTILL), self._steering.angles(STANDSTILL)
@@ -77,7 +83,18 @@ class Controller:
         asked = (
             self._velocity(command) if isinstance(command, Command) else self._each_wheel(command)
         )
-        sim_nanos = command.stamp_nanos - self._epoch_nanos + self._latency_nanos
+        return self._schedule(command.stamp_nanos, asked)
+
+    def command_joints(self, stamp_nanos: int, targets: JointTargets) -> bool:
+        """Take a command of single joints; see `command`.
+
+        Joints that it leaves out keep their commands, each until the drive's timeout. A velocity
+        command ends all of them.
+        """
+        return self._schedule(stamp_nanos, targets)
+
+    def _schedule(self, stamp_nanos: int, asked: Twist | WheelTargets | JointTargets) -> bool:
+        sim_nanos = stamp_nanos - self._epoch_nanos + self._latency_nanos
         if self._now_nanos - sim_nanos > self._timeout_nanos:
             return False
         if len(self._waiting) >= MAX_WAITING:
@@ -109,22 +126,63 @@ class Controller:
         """
         self._now_nanos = sim_nanos
         while self._waiting and self._waiting[0][0] <= sim_nanos:
-            self._since_nanos, self._asked = self._waiting.pop(0)
-        if sim_nanos - self._since_nanos > self._timeout_nanos:
-            self._asked = STANDSTILL
+            self._since_nanos, next_asked = self._waiting.pop(0)
+            self._asked = (
+                self._joined(next_asked) if isinstance(next_asked, JointTargets) else next_asked
+            )
         asked = self._asked
+        if isinstance(asked, CommandedJoints):
+            return self._follow_joints(asked, sim_nanos)
+        if sim_nanos - self._since_nanos > self._timeout_nanos:
+            asked = self._asked = STANDSTILL
         if isinstance(asked, WheelTargets):
             self._ramped, self._wheels = None, asked
         elif self._ramped != asked or angles:
-            (v, w), (asked_v, asked_w) = self._ramped or STANDSTILL, asked
-            self._ramped = (
-                _towards(v, asked_v, self._linear_step),
-                _towards(w, asked_w, self._angular_step),
-            )
+            self._ramped = self._next_ramped(asked)
             twist = self._steering.within_limits(self._ramped)
             self._wheels = WheelTargets(
                 self._steering.speeds(twist, angles), self._steering.angles(asked)
             )
+        return self._wheels
+
+    def _next_ramped(self, asked: Twist) -> Twist:
+        """Return the velocity of this tick on the way to `asked`, within the accelerations."""
+        (v, w), (asked_v, asked_w) = self._ramped or STANDSTILL, asked
+        return (
+            _towards(v, asked_v, self._linear_step),
+            _towards(w, asked_w, self._angular_step),
+        )
+
+    def _joined(self, targets: JointTargets) -> CommandedJoints:
+        """Return the commands of joints with these ones, which act now."""
+        if not isinstance(self._asked, CommandedJoints):
+            self._joints.begin(self._wheels.angles_rad)
+        self._joints.take(targets, self._since_nanos)
+        return self._joints
+
+    def _follow_joints(self, joints: CommandedJoints, sim_nanos: int) -> WheelTargets:
+        """Return the targets of commanded joints.
+
+        The vehicle's velocity that the shaft speeds amount to has the same accelerations as a
+        commanded one. What is left of a shaft's speed, since it contradicts the others, acts at
+        once.
+        """
+        speeds, torques = joints.shafts(sim_nanos)
+        linear, angular = asked = self._steering.twist(speeds, joints.angles_rad)
+        self._ramped = self._next_ramped(asked)
+        missing = linear - self._ramped[0], angular - self._ramped[1]
+        most = self._drive.max_wheel_speed_radps
+        self._wheels = WheelTargets(
+            tuple(
+                # A torque turns its shaft up to the largest speed.
+                speed - less if torque is None else copysign(most, torque)
+                for speed, torque, less in zip(
+                    speeds, torques, self._steering.speeds(missing, joints.angles_rad), strict=True
+                )
+            ),
+            tuple(joints.angles_rad),
+            torques,
+        )
         return self._wheels
 
 

@@ -30,7 +30,15 @@ class SteeringJoint:
     the less it resists.
     """
 
-    __slots__ = ("_inertia", "_lever_m", "_most_nm", "_most_radps", "_range", "_speed", "angle_rad")
+    __slots__ = (
+        "_inertia",
+        "_lever_m",
+        "_most_nm",
+        "_most_radps",
+        "_range",
+        "angle_rad",
+        "speed_radps",
+    )
 
     def __init__(self, wheel: Wheel, drive: Ackermann) -> None:
         self._range = radians(drive.max_steering_deg)
@@ -39,7 +47,7 @@ class SteeringJoint:
         self._inertia = wheel.mass_kg * (3 * wheel.radius_m**2 + wheel.width_m**2) / 12
         # Mean distance of the strip's points from its middle.
         self._lever_m = wheel.width_m / 4
-        self.angle_rad = self._speed = 0.0
+        self.angle_rad = self.speed_radps = 0.0
 
     def turn(self, asked_rad: float, grip_n: float, rolling_mps: float) -> None:
         """Advance by a tick.
@@ -54,17 +62,17 @@ class SteeringJoint:
         asked_rad = max(-self._range, min(self._range, asked_rad))
         speed = (asked_rad - self.angle_rad) / TICK_SECONDS
         speed = max(-self._most_radps, min(self._most_radps, speed))
-        if speed == self._speed == 0.0:
+        if speed == self.speed_radps == 0.0:
             return
-        scrub = self._lever_m * max(abs(self._speed), abs(speed))
+        scrub = self._lever_m * max(abs(self.speed_radps), abs(speed))
         resisting = grip_n * self._lever_m * scrub / (scrub + abs(rolling_mps))
         lost = resisting * TICK_SECONDS / self._inertia
         # Change of speed to reach the target against the footprint's resistance.
-        change = speed - self._speed + (lost if speed > 0.0 else -lost if speed < 0.0 else 0.0)
+        change = speed - self.speed_radps + (lost if speed > 0.0 else -lost if speed < 0.0 else 0.0)
         most = self._most_nm * TICK_SECONDS / self._inertia
-        reached = self._speed + max(-most, min(most, change))
+        reached = self.speed_radps + max(-most, min(most, change))
         reached -= max(-lost, min(lost, reached))
-        self._speed = reached
+        self.speed_radps = reached
         angle = self.angle_rad + reached * TICK_SECONDS
         self.angle_rad = max(-self._range, min(self._range, angle))
 
@@ -179,6 +187,7 @@ class RunningGear:
             for _, rolling in parts:
                 rolling.shaft = turning
             (self._driven if shaft.driven else self._free).append(turning)
+        self._no_torques = (None,) * len(self._driven)
         self.driving_w = self.braking_w = 0.0
         """Mechanical power of the motors in the last tick, driving and braking."""
 
@@ -201,6 +210,10 @@ class RunningGear:
                 rolling.setdefault(wheel.shaft, []).append(forward_mps - turn_radps * y)
         for shaft, speeds_mps in rolling.items():
             shaft.roll(sum(speeds_mps) / len(speeds_mps))
+
+    def steering_speeds(self) -> tuple[float, ...]:
+        """Return the speeds at which the steered wheels are turned, rad/s."""
+        return tuple(steering_joint.speed_radps for steering_joint in self._steering_joints)
 
     def battery(self) -> BatteryState | None:
         """Return the state of the battery, None without one."""
@@ -266,7 +279,7 @@ class RunningGear:
                 wheel.resistance * load,
             )
             meeting.append((fx, fy, fz, lx, ly, lz, x, y, z))
-        spin = self._turn_shafts(asked.speeds_radps)
+        spin = self._turn_shafts(asked.speeds_radps, asked.torques_nm or self._no_torques)
         cx, cy, cz = self._com
         sx = sy = sz = tx = tz = 0.0
         ty = -spin
@@ -286,7 +299,7 @@ class RunningGear:
             along_springs.append(fz)
         return GroundReaction((sx, sy, sz), (tx, ty, tz), along_springs)
 
-    def _turn_shafts(self, speeds: Sequence[float]) -> float:
+    def _turn_shafts(self, speeds: Sequence[float], torques: Sequence[float | None]) -> float:
         """Turn all shafts for a tick; return the rate of their angular momentum about y, N m.
 
         Its reaction turns the base the other way.
@@ -294,9 +307,14 @@ class RunningGear:
         share, motors = self._voltage_share, self._motors
         drawn = self.driving_w = self.braking_w = 0.0
         rate = 0.0
-        for shaft, asked in zip(self._driven, speeds, strict=True):
+        for shaft, asked, torque in zip(self._driven, speeds, torques, strict=True):
             before = shaft.speed_radps
             least, most = motors.limits_nm(before, share)
+            if torque is not None:
+                # Toward the target speed at most the commanded torque; a brake at that speed.
+                least, most = (
+                    (max(least, torque), most) if asked < 0 else (least, min(most, torque))
+                )
             shaft.turn(asked, least, most)
             rate += shaft.inertia_kgm2 * (shaft.speed_radps - before)
             speed = (before + shaft.speed_radps) / 2

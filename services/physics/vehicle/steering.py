@@ -34,11 +34,24 @@ class SkidSteering:
             for shaft in drive.shafts(wheels)
             if shaft.driven
         ]
+        mean = sum(y for y, _ in self._shares) / len(self._shares)
+        self._spread = sum((y - mean) ** 2 for y, _ in self._shares)
 
     def speeds(self, twist: Twist, angles: Sequence[float] = ()) -> Speeds:
         """Return the speed of each driven shaft for a velocity of the base."""
         linear, angular = twist
         return tuple((linear - angular * y) / radius for y, radius in self._shares)
+
+    def twist(self, speeds: Sequence[float], angles: Sequence[float] = ()) -> Twist:
+        """Return the velocity of the base that shaft speeds amount to, in least squares."""
+        rows = [
+            (share, speed * radius)
+            for speed, (share, radius) in zip(speeds, self._shares, strict=True)
+        ]
+        count = len(rows)
+        y_mean, v_mean = sum(y for y, _ in rows) / count, sum(v for _, v in rows) / count
+        angular = -sum((y - y_mean) * (v - v_mean) for y, v in rows) / self._spread
+        return v_mean + angular * y_mean, angular
 
     def angles(self, twist: Twist) -> tuple[float, ...]:
         """Return the angles of the steered wheels: none."""
@@ -82,6 +95,18 @@ class AckermannSteering:
             along = 1.0 - curvature * y
             speeds.append(twist[0] * copysign(hypot(along, curvature * length), along) / radius)
         return tuple(speeds)
+
+    def twist(self, speeds: Sequence[float], angles: Sequence[float]) -> Twist:
+        """Return the velocity of the base that wheel speeds amount to at steering angles."""
+        curvature = self._curved_by(angles)
+        linear = [
+            speed
+            * radius
+            / copysign(hypot(1.0 - curvature * y, curvature * length), 1.0 - curvature * y)
+            for speed, (length, y, radius) in zip(speeds, self._driven, strict=True)
+        ]
+        mean = sum(linear) / len(linear)
+        return mean, curvature * mean
 
     def angles(self, twist: Twist) -> tuple[float, ...]:
         """Return the angle of each steered wheel for a velocity of the base."""

@@ -15,7 +15,8 @@ import numpy as np
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.quaternions import multiply
-from groundlink.messages.base import VehicleState
+from groundlink.messages.base import VehicleState, packed
+from groundlink.messages.navigation import JointState
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.scene.spawn_pose import spawn_pose
@@ -34,6 +35,7 @@ from services.physics.dynamics.backend import (
 from services.physics.dynamics.energy_and_contacts import EnergyAndContacts
 
 from .controller import Controller
+from .joint_commands import JointCommandReader
 from .running_gear import GroundContact, RunningGear
 from .servos import Servos
 from .urdf import chassis_moments, convex_hull, hull_file, suspension_joint, urdf
@@ -138,6 +140,7 @@ class SimulatedVehicle:
         self._friction = friction
         self.drive = Controller(model, epoch_nanos=epoch_nanos)
         self.servos = Servos(model.joints, epoch_nanos=epoch_nanos)
+        self._joint_commands = JointCommandReader(model)
         self.energy_and_contacts = EnergyAndContacts()
         collisions = (part.shape for part in model.collisions)
         hulls = {
@@ -321,6 +324,28 @@ class SimulatedVehicle:
                 grip, x, y, z = grip + before[0], x + before[1], y + before[2], z + before[3]
             contacts[place] = grip, x, y, z
         return contacts
+
+    def command_joints(self, command: JointState) -> bool:
+        """Command joints by name; see `JointCommandReader`.
+
+        Returns
+        -------
+        False for a command of the drive that is stale.
+
+        Raises
+        ------
+        ValueError
+            when the command is invalid.
+        """
+        targets, servos = self._joint_commands.read(command)
+        if servos is not None:
+            self.servos.command(servos)
+        return not any(targets) or self.drive.command_joints(command.stamp_nanos, targets)
+
+    def steering(self) -> tuple[memoryview, memoryview]:
+        """Return angles and speeds of the steering joints after the last step, float64."""
+        gear = self.running_gear
+        return packed(np.array(gear.angles())), packed(np.array(gear.steering_speeds()))
 
     def motor_torques(self) -> memoryview:
         """Return the motor's torque on each wheel's axle in the last step: float64, N m."""

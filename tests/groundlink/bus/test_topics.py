@@ -40,7 +40,7 @@ def test_every_kind_of_stream_can_be_declared_and_is_a_ros_message() -> None:
 
 
 def test_every_field_of_from_ros_has_a_row() -> None:
-    assert {*FROM_ROS, "topics"} == set(FromRos.__struct_fields__)
+    assert {*FROM_ROS, "joint_groups", "topics"} == set(FromRos.__struct_fields__)
 
 
 def test_unfilled_words_match_everything() -> None:

@@ -22,13 +22,15 @@ from groundlink.messages.base import (
     Relayed,
     StreamReport,
     WheelEncoders,
+    floats,
     packed,
 )
+from groundlink.messages.navigation import JointState
 from groundlink.ros.cdr import to_cdr
 from groundlink.ros.streams import outgoing
 from groundlink.ros.types import WHEEL_ENCODERS_DEFINITION, header
 from groundlink.scenario import Scenario
-from groundlink.scenario.ros_side import FromRos
+from groundlink.scenario.ros_side import FromRos, JointGroup
 from groundlink.scenario.ros_side import Stream as ExtraStream
 from services.gateway.gateway import Gateway
 from services.gateway.streams import LEASE_SECONDS, TF_MESSAGE, wire_type
@@ -38,7 +40,8 @@ from udp_bridge.sender.delivery_counts import DeliveryCounts
 from udp_bridge.wire import run_commands as wire_commands
 from udp_bridge.wire.control import LinkReport, RunCommand, Subscribe, TopicReport, WorldQuery
 from udp_bridge.wire.message import Message as WireMessage
-from udp_bridge.wire.types import CONTROL, SUBSCRIBE, type_number
+from udp_bridge.wire.typed import pack_typed
+from udp_bridge.wire.types import CONTROL, SUBSCRIBE, TYPED, type_number
 
 PEER = ("127.0.0.1", 7511)
 STRANGER = ("127.0.0.1", 9999)
@@ -265,6 +268,35 @@ def test_any_further_topic_is_subscribed_to_and_relayed_unchanged() -> None:
     bench.hear(type_number("Path"), "/nav/plan", body[:-5])
     counts = bench.report()[1]
     assert (counts["from_ros"], counts["refused"]) == (1, 1)
+
+
+def test_a_group_of_joints_is_commanded_by_a_type_without_a_number() -> None:
+    scenario = load(SHIPPED / "indoor_lab.yaml")
+    group = JointGroup(interface="velocity", joints=("rear_left_wheel", "rear_right_wheel"))
+    of_ros = FromRos(joint_groups={"/v/commands": group})
+    bench = Bench(replace(scenario, vehicles=(replace(scenario.vehicles[0], from_ros=of_ros),)))
+    bench.forward("clock", Clock(10**9, 0, 400, 0))
+    bench.gateway.repeat(bench.link)  # type: ignore[arg-type]
+    subscribes = [row for row in bench.link.sent if row["msg_type"] == SUBSCRIBE]
+    assert ("/v/commands", TYPED) in [
+        (row["topic"], Subscribe.parse(row["body"]).wanted_type) for row in subscribes
+    ]
+    ros_type = "std_msgs/msg/Float64MultiArray"
+    layout = STORE.types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    ros = STORE.types[ros_type](layout=layout, data=np.array([1.5, -2.0]))
+    cdr = STORE.serialize_cdr(ros, ros_type)
+    body = pack_typed(ros_type, cdr)
+    bench.hear(TYPED, "/v/commands", body)
+    ((key, command),) = bench.commands
+    assert key == "groundlink/lab/rover/command/joints/v/commands"
+    assert isinstance(command, JointState)
+    assert (command.stamp_nanos, command.names) == (10**9, group.joints)
+    assert floats(command.velocities).tolist() == [1.5, -2.0]
+    for wrong in (pack_typed("std_msgs/msg/Float32MultiArray", cdr), body[:-1], b"", bytes(cdr)):
+        bench.hear(TYPED, "/v/commands", wrong)
+    assert len(bench.commands) == 1
+    counts = bench.report()[1]
+    assert (counts["from_ros"], counts["refused"]) == (1, 4)
 
 
 def test_poses_and_maps_are_subscribed_to_and_a_map_again_at_the_start(bench: Bench) -> None:

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from groundlink.bus.topics import JOINT_COMMAND, JOINTS
+from groundlink.bus.topics import JOINT_COMMAND, JOINTS, TRUE_WHEELS
 from groundlink.episode.journal import JointsCommanded
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
@@ -23,6 +23,7 @@ from .free_bodies import FreeBodies
 from .grounds import shipped
 
 NOTHING = memoryview(b"")
+TRACKS = ("left_track", "right_track")
 
 
 @pytest.fixture(scope="module")
@@ -48,9 +49,10 @@ def test_a_joint_state_of_ros_is_a_command_of_the_run(outdoors: Scenario) -> Non
     [
         to_cdr(JointState(0, "", ("gun",), NOTHING, NOTHING, NOTHING)),
         to_cdr(command(gun=float("nan"))),
+        to_cdr(command(gun=float("inf"))),
         to_cdr(command(gun=0.1))[:-4],
     ],
-    ids=["no positions", "not finite", "cut off"],
+    ids=["no values", "nothing but NaN", "not finite", "cut off"],
 )
 def test_joint_states_that_are_no_commands_are_refused(body: bytes) -> None:
     with pytest.raises(BadBusMessage):
@@ -86,11 +88,36 @@ def test_an_episode_that_is_done_again_moves_its_joints_again(outdoors: Scenario
         second.end()
 
 
-def test_joint_states_tell_where_joints_are(outdoors: Scenario) -> None:
-    bases = Bases(outdoors, "run")
-    said = command(10**18, turret=0.25)
+def test_joint_states_tell_where_all_joints_are(outdoors: Scenario) -> None:
+    """A reader that keeps the newest message alone, as of ros2_control, misses none."""
+    bases, model = Bases(outdoors, "run"), outdoors.vehicles[0].model
+    wheels = tuple(wheel.name for wheel in model.wheels)
+    ratios = {
+        s.name: [s.radius_m / model.wheels[i].radius_m for i in s.wheels] for s in model.counted
+    }
+    of_wheels = [packed(np.full(len(wheels), value)) for value in (2.0, 3.0, 10.0)]
+    truth = JointState(10**18, "tank/base_link", wheels, *of_wheels)
+    assert not list(bases.receive(TRUE_WHEELS.key_in("run", vehicle="tank"), truth))
+    said = command(10**18, turret=0.25, gun=0.1)
     (told,) = bases.receive(JOINTS.key_in("run", vehicle="tank"), said)
-    assert (told.topic, told.message) == ("/joint_states", said)
+    assert (told.topic, told.nanos) == ("/joint_states", 10**18)
+    states = told.message
+    assert isinstance(states, JointState)
+    assert states.names == (*TRACKS, "turret", "gun")
+    for name, position, velocity, effort in zip(
+        states.names,
+        floats(states.positions),
+        floats(states.velocities),
+        floats(states.efforts),
+        strict=True,
+    ):
+        if name in TRACKS:
+            first = ratios[name][0]
+            assert (position, velocity) == pytest.approx((2 / first, 3 / first))
+            assert effort == pytest.approx(10 * sum(ratios[name]))
+        else:
+            assert position == {"turret": 0.25, "gun": 0.1}[name]
+            assert np.isnan(effort)
     (joint_topic,) = (p for p in bases.topics if p.topic == "/joint_states")
     assert joint_topic.declared_hz == outdoors.vehicles[0].ground_truth.rate_hz
 
