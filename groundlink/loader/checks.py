@@ -7,6 +7,7 @@ The scenario fits the schema already; the document only supplies the file and li
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from groundlink.core.errors import did_you_mean
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.lockstep_window import window_mistake
@@ -16,6 +17,7 @@ from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Sc
 from groundlink.scenario.sensor_kinds import kind_of, load_reference
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.scene.build import UnknownMaterial, WorldError, solids
+from groundlink.scene.entities import static_entities
 from groundlink.scene.spawn_checks import check_spawns
 
 from .document import DataPath, Document, ScenarioError
@@ -65,6 +67,18 @@ def check_scenario(scenario: Scenario, document: Document) -> None:
         raise ScenarioError(f"{document.mark(error.path)}: {named}") from None
     except WorldError as error:
         raise ScenarioError(f"{document.mark(error.path)}: {error}") from None
+    _check_entities(scenario, document)
+
+
+def _check_entities(scenario: Scenario, document: Document) -> None:
+    """Refuse a description of an entity that is not there."""
+    if not (described := scenario.world.entities):
+        return
+    known = {*static_entities(scenario, {}), *(vehicle.name for vehicle in scenario.vehicles)}
+    known |= {actor.name for actor in scenario.world.actors}
+    for name in sorted(described.keys() - known):
+        mark = document.mark(("world", "entities", name))
+        raise ScenarioError(f"{mark}: `{name}`: no such entity; {did_you_mean(name, known)}")
 
 
 class _Use(NamedTuple):

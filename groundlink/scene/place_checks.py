@@ -24,12 +24,17 @@ class PlaceChecks:
     """Room in a world: its terrain and its static solids.
 
     Bodies touch what they stand on and lean on, so less than `RESTS_M` is no overlap.
+
+    Attributes
+    ----------
+    solids
+        static solids of the world.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         self.ground = ground_of(scenario)
-        self._solids = solids(scenario)
-        boxes = [bounds(solid) for solid in self._solids]
+        self.solids = solids(scenario)
+        boxes = [bounds(solid) for solid in self.solids]
         self._low = np.array([low for low, _ in boxes]).reshape(-1, 3)
         self._high = np.array([high for _, high in boxes]).reshape(-1, 3)
 
@@ -86,12 +91,12 @@ class PlaceChecks:
         for body in inner:
             low, high = bounds(body)
             near |= set(np.flatnonzero(np.all((self._low < high) & (self._high > low), axis=1)))
-        others = [self._solids[i] for i in sorted(near)]
+        others = [self.solids[i] for i in sorted(near)]
         others += [solid for solid in moving if solid.name != name]
         if (other := first_overlap(inner, others)) is not None:
             raise UserError(f"`{name}` would be inside `{other}`. Fix: choose another place")
         x, y, z = pose[0]
-        if self.ground is None and floor_problem(x, y, z, self._solids):
+        if self.ground is None and floor_problem(x, y, z, self.solids):
             raise UserError(
                 f"`{name}` would be at {x:g}, {y:g}, outside this world. Fix: choose another place"
             )

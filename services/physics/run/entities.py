@@ -52,7 +52,8 @@ class EntityRegistry:
             case Spawn(group=SolidGroup() as added):
                 self.groups[added.name] = added
             case Move(name=name, position_m=position_m, orientation=orientation, solids=poses):
-                for solid in solids(before):
+                # Until the first change, clutter is not among the world's solids.
+                for solid in solids(before) if before.world.clutter else before.world.solids:
                     if solid.name in poses:
                         first = solid.position_m, solid.orientation
                         self._first_poses.setdefault(solid.name, first)

@@ -7,6 +7,7 @@ loop that steps reads and changes the world between two ticks.
 
 import re
 from collections.abc import Callable, Mapping
+from difflib import get_close_matches
 from math import atan2, degrees, hypot, isfinite, sqrt
 from typing import Protocol, TypeVar
 
@@ -14,7 +15,7 @@ import msgspec
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS
-from groundlink.core.errors import UserError, did_you_mean
+from groundlink.core.errors import UserError
 from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.frames import matrix_from_quaternion
 from groundlink.episode.control import Move, Remove, Spawn, WorldChange
@@ -380,9 +381,18 @@ def _at(episode: Episode, tick: int, content: Mapping[str, object]) -> Answer:
 
 
 def _known(name: str, view: WorldView) -> str:
+    """Return the name of an entity.
+
+    Raises
+    ------
+    QueryRefused
+        when there is none of this name.
+    """
     names = view.names()
     if name not in names:
-        raise QueryRefused("not_found", f"no entity `{name}`; {did_you_mean(name, names)}")
+        near = get_close_matches(name, names, n=1)
+        hint = f"did you mean `{near[0]}`?" if near else "Fix: choose one of the list of entities"
+        raise QueryRefused("not_found", f"no entity `{name}`; {hint}")
     return name
 
 
@@ -406,7 +416,7 @@ def _new_name(query: SpawnQuery, own: str, view: WorldView) -> str:
             f"`{name}` cannot be a name; expected lower case letters, digits and underscores, a "
             "letter first, and no key of the bus. Fix: rename it, or allow renaming",
         )
-    if name in taken or free_name(name, taken) != name:
+    if name in taken:
         raise QueryRefused(
             "name_taken", f"the name `{name}` is taken. Fix: choose another one, or allow renaming"
         )
@@ -431,7 +441,7 @@ def _in_namespace(more: Addition, namespace: str) -> Addition:
 
 def _move(static: StaticEntity, pose: Pose, view: WorldView) -> Move:
     """Return the change that moves a static entity."""
-    built = {solid.name: solid for solid in solids(view.scenario)}
+    built = {solid.name: solid for solid in view.checks.solids}
     poses = {part: moved_pose(built[part], static.pose, pose) for part in static.parts}
     return Move(static.name, *pose, poses)
 

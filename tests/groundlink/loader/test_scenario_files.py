@@ -81,6 +81,12 @@ MISTAKES = [
     ("rate_hz: 100", "rate_hz: fast", 14, ["`vehicles[0].sensors[1].rate_hz`", "float"]),
     ("rate_hz: 100", "rate_hz: 900", 14, ["rate_hz", "<= 400"]),
     ("sensors/vlp16.yaml", "vlp61", 9, ["sensors/vlp61.yaml", "did you mean"]),
+    (
+        "world: worlds/lab.yaml",
+        "world: {name: w, room: {size_m: [9, 9, 3]},\n  entities: {rom: {}}}",
+        4,
+        ["`rom`: no such entity", "`room`?"],
+    ),
     ("worlds/lab.yaml", "worlds/lap.yaml", 3, ["worlds/lap.yaml", "`lab`?"]),
     ("vehicles/rover.yaml", "rovr", 6, ["vehicles/rovr.yaml", "`rover`?"]),
     ("kind: lidar", "kind: imu", 9, ["data", "lidar", "imu"]),

@@ -179,7 +179,7 @@ def test_a_spawned_object_is_one_entity_where_it_was_put(run: Run) -> None:
 
 def test_removing_an_object_keeps_others_whose_names_begin_alike(run: Run) -> None:
     run.ask("spawn", uri="box", name="box", position_m=[1.0, 0.5, 0.0])
-    run.ask("spawn", uri="box", name="box_b", position_m=[2.0, 0.5, 0.0], allow_renaming=True)
+    run.ask("spawn", uri="box", name="box_b", position_m=[2.0, 0.5, 0.0])
     others = run.names() - {"box"}
     run.ask("remove", name="box")
     assert run.names() == others
