@@ -21,6 +21,7 @@ from udp_bridge.wire.types import (
 
 ROOT = Path(__file__).resolve().parents[1]
 ROWS = tuple(MSG_TYPES.values())
+CSHARP = "udp-bridge/csharp/Runtime/UdpBridge"
 NOT_IN_CSHARP = ("Resend", "Repair")
 """Types that the C# library does not take."""
 
@@ -101,13 +102,13 @@ BLOCKS = (
     ),
     Block("udp-bridge/wireshark/udp_bridge.lua", "local TYPES = {\n", "}\n", _lua),
     Block(
-        "udp-bridge/csharp/UdpBridge.cs",
+        f"{CSHARP}/Wire/MessageType.cs",
         "    public enum MessageType : byte\n    {\n",
         "    }\n",
         _csharp,
     ),
     Block(
-        "udp-bridge/csharp/UdpBridge.cs",
+        f"{CSHARP}/Receiving/ReceivedTopic.cs",
         "        private static readonly int[] StampOrdered =\n        {\n",
         "        };\n",
         lambda: f"            {', '.join(map(str, sorted(STAMP_ORDERED)))},\n",

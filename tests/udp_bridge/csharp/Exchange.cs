@@ -5,10 +5,16 @@
 // Credit, report and refusal, and one of counts; SENDER 255 stands for a time to report. 'S' TYPE STAMP TIMES LARGEST TOPIC LINK BODY: a new Sender
 // sends that so many times; a line for each datagram of the last time, and whether it was sent.
 // 'T' BODY: the ROS type and the offset of a Typed body, or why it is refused.
+// 'C' TYPE BODY: a line for each field of the message in the CDR, and the CDR that is written of it, or
+// that it is refused.
+// 'Q' LARGEST COUNT (OPERATION NOW_NANOS ...)...: a SendQueue; 'p' TYPE STAMP TOPIC LINK BODY queues a
+// message, 'n' takes what may leave, 'c' DATAGRAM is of the peer, 'd' tells the deliveries.
 // Integers are little-endian; what has a variable size stands behind it.
 
 using System;
+using System.Collections.Generic;
 using System.IO;
+using System.Linq;
 using System.Security.Cryptography;
 using System.Text;
 using UdpBridge;
@@ -26,6 +32,8 @@ internal static class Exchange
         {
             if (kind == 'R') Receive(uint.Parse(words[0]));
             else if (kind == 'T') ReadTyped();
+            else if (kind == 'C') ReadCdr();
+            else if (kind == 'Q') Queue();
             else Send();
             byte[] bytes = Encoding.ASCII.GetBytes(Told.ToString());
             Told.Clear();
@@ -83,6 +91,76 @@ internal static class Exchange
         byte[] again = Typed.Pack(typed.RosType, cdr, cdr.Length);
         if (Hex(again) == Hex(body)) Line("end", typed.RosType, typed.Offset);
         else Line("end", Hex(again));
+    }
+
+    private static void ReadCdr()
+    {
+        IRosMessage message = Body.Of((MessageType)Asked.ReadByte());
+        byte[] body = Bytes();
+        try
+        {
+            Cdr.Decode(body, message);
+            Body.Tell(message, "", Line);
+            Line("end", Hex(Cdr.Encode(message)));
+        }
+        catch (CdrException)
+        {
+            Told.Clear();
+            Line("end", "refused");
+        }
+    }
+
+    private static void Queue()
+    {
+        var queue = new SendQueue(Asked.ReadInt32());
+        var receiver = new Receiver();
+        long nowNanos = 0;
+        receiver.OnControl = (from, header, body) => queue.Receive(header, body, nowNanos);
+        var datagram = new byte[Wire.LargestDatagram];
+        for (uint left = Asked.ReadUInt32(); left > 0; --left)
+        {
+            char operation = (char)Asked.ReadByte();
+            nowNanos = Asked.ReadInt64();
+            if (operation == 'p')
+            {
+                var type = (MessageType)Asked.ReadByte();
+                long stampNanos = Asked.ReadInt64();
+                string topic = Encoding.UTF8.GetString(Bytes()), link = Encoding.UTF8.GetString(Bytes());
+                queue.Put(type, topic, link, stampNanos, Bytes());
+            }
+            else if (operation == 'n')
+            {
+                for (int size; (size = queue.Next(datagram, nowNanos)) > 0;)
+                {
+                    byte[] digest = new SHA256Managed().ComputeHash(datagram, 0, size);
+                    Line("datagram", size, Hex(digest));
+                }
+                Line("wake", queue.NextWake(nowNanos), queue.IsIdle, queue.Stalls);
+            }
+            else if (operation == 'c')
+            {
+                byte[] credit, control = Bytes();
+                receiver.Receive(control, control.Length, "peer", nowNanos, out credit);
+            }
+            else
+            {
+                List<DeliveryCounts> deliveries = queue.Deliveries(nowNanos);
+                foreach (DeliveryCounts one in deliveries.OrderBy(one => one.Type)
+                         .ThenBy(one => one.Topic, StringComparer.Ordinal)) Tell(one);
+                LinkReport peer = queue.PeerReport;
+                if (peer == null) continue;
+                Line("peer", peer.ReceiveBuffer, peer.Datagrams, peer.Bytes, peer.Refused,
+                     peer.KernelDrops, string.Join(" ", peer.Reasons));
+            }
+        }
+        Line("end");
+    }
+
+    private static void Tell(DeliveryCounts one)
+    {
+        Line("deliveries", (int)one.Type, one.Topic, one.Sent, one.SentBytes, one.Superseded,
+             one.Delivered, one.Dropped, one.Incomplete, one.Late, one.Missing, one.InFlight,
+             one.DeliveredBytes);
     }
 
     private static void Send()

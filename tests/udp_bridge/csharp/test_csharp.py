@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The C# file against the vectors, and against the Python library on datagrams of all kinds.
+"""The C# library against the vectors, and against the Python library on datagrams of all kinds.
 
 One process answers all queries: a runtime that starts for each of them would take minutes.
 """
 
 import hashlib
 import os
-import re
-import shutil
 import socket
 import struct
 import subprocess
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 
@@ -23,6 +20,7 @@ from tests.udp_bridge.reported import (
     KNOWN,
     LARGE,
     REPORT,
+    WALL_NANOS,
     Arrival,
     by_python,
     challenges,
@@ -32,102 +30,14 @@ from tests.udp_bridge.reported import (
     own_give_way,
     part,
 )
-from tests.udp_bridge.reported import told as reported
 from tests.udp_bridge.vectors import IN_ORDER, NAMES, TYPED_BODIES, VECTORS, Vector, load, typed_as
 from udp_bridge import Header, Message, Reassembler, fragments, parse
 from udp_bridge.receiver.inbox import Inbox
-from udp_bridge.wire.control import Credit, CreditRequest, TopicReport
+from udp_bridge.wire.control import Credit, CreditRequest, LinkReport, TopicReport
 
-FOLDER = Path(__file__).parents[3] / "udp-bridge/csharp"
-BUFFER = 1 << 30
-"""So large that no Credit is due before the end of a message."""
+from .programs import BUFFER, LINK_REPORT, Exchange, of_readme
+
 SECOND = 10**9
-
-
-class Received(NamedTuple):
-    """What the receiver in C# made of datagrams."""
-
-    messages: list[tuple[Any, ...]]
-    """Type, number, stamp, parts, topic, link, bytes of the body, its sha256."""
-    credits: list[bytes]
-    refused: dict[str, int]
-    counts: tuple[int, ...]
-    """Messages, incomplete, late, missing, duplicates, bytes still held."""
-    reports: list[Any]
-    """As `tests.udp_bridge.reported` has them."""
-
-
-class Exchange:
-    """The program in C#, which stays for all tests."""
-
-    def __init__(self, program: Path) -> None:
-        command = ["mono", str(program), str(BUFFER)]
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-
-    def ask(self, question: bytes) -> list[list[str]]:
-        """Return the words of each line of the answer; the last line begins with `end`."""
-        assert self.process.stdin is not None
-        assert self.process.stdout is not None
-        self.process.stdin.write(question)
-        self.process.stdin.flush()
-        lines: list[list[str]] = []
-        while not lines or lines[-1][0] != "end":
-            lines.append(self.process.stdout.readline().decode().split())
-            assert lines[-1], "the program ended"
-        return lines
-
-    def receive(self, arrivals: list[Arrival]) -> Received:
-        """Let a new receiver take datagrams."""
-        rows = [struct.pack("<qBI", now, who, len(d)) + d for now, who, d in arrivals]
-        received = Received([], [], {}, (), [])
-        for word, *rest in self.ask(b"R" + struct.pack("<I", len(rows)) + b"".join(rows)):
-            if word == "message":
-                kind, number, stamp, parts, topic, link, size, digest = rest
-                names = bytes.fromhex(topic[1:]).decode(), bytes.fromhex(link[1:]).decode()
-                whole = int(size), digest[1:].lower()
-                numbers = int(kind), int(number), int(stamp), int(parts)
-                received.messages.append((*numbers, *names, *whole))
-            elif word == "credit":
-                received.credits.append(bytes.fromhex(rest[0][1:]))
-            elif word == "report":
-                received.reports.append(reported(int(rest[0]), bytes.fromhex(rest[1][1:])))
-            elif word == "refused":
-                received.refused[rest[0]] = int(rest[1])
-            else:
-                received = received._replace(counts=tuple(map(int, rest)))
-        return received
-
-    def send(self, message: Message, size: int, times: int = 1) -> list[bytes]:
-        """Return the datagrams of a message that a new sender sends for the last time."""
-        head = struct.pack("<BqIi", message.msg_type, message.stamp_nanos, times, size)
-        texts = message.topic.encode(), message.link.encode(), bytes(message.body)
-        question = b"S" + head + b"".join(struct.pack("<i", len(t)) + t for t in texts)
-        *datagrams, (_, is_sent) = self.ask(question)
-        assert is_sent == "1" or not datagrams
-        return [bytes.fromhex(word[1:]) for _, word in datagrams]
-
-
-def compiled(folder: Path, *sources: Path) -> Path:
-    """Return a program, compiled where each warning is an error; skip where there is no Mono."""
-    if not all(shutil.which(program) for program in ("mcs", "mono")):
-        pytest.skip("no Mono")
-    out = folder / "program.exe"
-    # With -doc a public thing without documentation is a warning; checked arithmetic is what
-    # some projects use.
-    strict = ("-langversion:7.2", "-warn:4", "-warnaserror", "-checked+", f"-doc:{out}.xml")
-    command = ["mcs", *strict, "-r:System", f"-out:{out}", *map(str, sources)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return out
-
-
-@pytest.fixture(scope="module")
-def exchange(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Exchange]:
-    sources = Path(__file__).with_name("Exchange.cs"), FOLDER / "UdpBridge.cs"
-    exchange = Exchange(compiled(tmp_path_factory.mktemp("csharp"), *sources))
-    with exchange.process:
-        yield exchange
-        exchange.process.kill()
 
 
 def told(message: Message) -> tuple[Any, ...]:
@@ -267,6 +177,22 @@ def test_delivery_reports_match_python(exchange: Exchange, seed: int) -> None:
     assert len({row[-1] for row in ours.reports}) > 10
 
 
+def test_link_reports_match_python(exchange: Exchange) -> None:
+    inbox = Inbox(receive_buffer=BUFFER, on_credit=lambda *_: None)
+    ours = []
+    arrivals = damaged(journey(1), 1)
+    for now, who, datagram in arrivals:
+        if who != REPORT:
+            inbox.receive(memoryview(datagram), ("127.0.0.1", who), now)
+            continue
+        for report, (_, to) in inbox.reports(now, WALL_NANOS + now):
+            body = report[parse(report)[1] :]
+            if body[0] == LINK_REPORT:
+                ours.append((to, LinkReport.parse(body)))
+    assert sorted(exchange.receive(arrivals).link_reports) == sorted(ours)
+    assert len(ours[-1][1].reasons) > 3
+
+
 def test_a_control_message_is_refused_for_the_same_reason(exchange: Exchange) -> None:
     arrivals = controls()
     ours = by_python(arrivals, BUFFER)
@@ -286,11 +212,8 @@ def test_only_a_peer_that_is_sent_messages_has_its_challenges_answered(
         assert parse(theirs)[0].seq_number == number
 
 
-def test_readme_example_receives_and_replies(tmp_path: Path) -> None:
-    code = re.search(r"```csharp\n(.*?)```", (FOLDER / "README.md").read_text(), re.DOTALL)
-    assert code is not None
-    (tmp_path / "Example.cs").write_text(code[1])
-    program = compiled(tmp_path, tmp_path / "Example.cs", FOLDER / "UdpBridge.cs")
+def test_readme_example_receives_and_replies(library: Path) -> None:
+    program = of_readme("Example", library)
     cloud = load("cloud-in-order")
     size = cloud.meaning["messages"][0]["body_size"]
     with (
