@@ -18,6 +18,7 @@ from udp_bridge.wire.types import SUBSCRIBE
 
 from .programs import FOLDER, compiled
 
+ROOT = FOLDER.parents[1]
 HERE = Path(__file__).with_name("unity")
 CLOUD, IMAGE, CLOCK, TWIST = 1, 3, 8, 9
 
@@ -29,8 +30,11 @@ def scene(library: Path) -> Path:
     engine = compiled(folder / "UnityEngine.dll", HERE / "UnityEngine.cs", strict=False)
     components = sorted((FOLDER / "Runtime/Unity").glob("*.cs"))
     package = compiled(folder / "UdpBridge.Unity.dll", *components, uses=(library, engine))
+    drive = folder / "Drive.cs"
+    page = (ROOT / "docs/how-to/unity.md").read_text()
+    drive.write_text(page.partition("```csharp\n")[2].partition("```")[0])
     uses = library, engine, package
-    return compiled(folder / "Scene.exe", HERE / "Scene.cs", uses=uses, strict=False)
+    return compiled(folder / "Scene.exe", HERE / "Scene.cs", drive, uses=uses, strict=False)
 
 
 class RosSide:
@@ -47,7 +51,7 @@ class RosSide:
         assert Subscribe.parse(message.body) == Subscribe(TWIST, lease_s=10)
         vector, twist = (TYPES[f"geometry_msgs/msg/{name}"] for name in ("Vector3", "Twist"))
         for number, z in enumerate((float("nan"), 0.0)):
-            command = twist(vector(1.5, 0.25, z), vector(0.0, 0.5, 0.75))
+            command = twist(vector(1.5, 0.25, z), vector(0.0, 0.1, 0.75))
             body = STORE.serialize_cdr(command, "geometry_msgs/msg/Twist")
             self.link.send(TWIST, "/cmd_vel", "", time.time_ns() + number, body, sender)
 
@@ -101,9 +105,20 @@ def test_twist_is_handed_over_and_ends(played: Played) -> None:
     """A turn to the left, +z of ROS, is about -y of Unity. One with NaN is refused."""
     linear, angular = said(played, "linear"), said(played, "angular")
     assert [float(x) for x in linear[0]] == [-0.25, 0, 1.5]
-    assert [float(x) for x in angular[0]] == [0.5, -0.75, 0]
+    assert [float(x) for x in angular[0]] == [0.1, -0.75, 0]
     assert [float(x) for x in linear[1] + angular[1]] == 6 * [0]  # nothing followed for 0.5 s
     assert said(played, "invalid") == [["1"]]
+
+
+def test_script_of_the_guide_drives_the_body(played: Played) -> None:
+    """For half a second ahead and to the left, and turning to the left: +z of ROS."""
+    x, y, z = (float(word) for word in said(played, "body")[0])
+    assert np.hypot(x, z) == pytest.approx(0.5 * np.hypot(1.5, 0.25), rel=0.15)
+    assert x < 0 < z
+    assert y == pytest.approx(0, abs=0.1)  # it also pitches a little
+    ahead = [float(word) for word in said(played, "heading")[0]]
+    yaw = np.arctan2(-ahead[0], ahead[2])
+    assert yaw == pytest.approx(0.5 * 0.75, rel=0.2)
 
 
 def test_cloud_is_of_the_scene(played: Played) -> None:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene with each component, played until a Twist came and the peer has reported a cloud. Its words:
+// A scene with each component and the Drive of docs/how-to/unity.md, played until a Twist came and the peer has reported a cloud. Its words:
 // the peer's port. It prints the axes, each Twist, and what became of the messages.
 
 using System;
@@ -25,6 +25,8 @@ internal static class Scene
         var camera = scene.AddComponent<CameraSender>();
         var lidar = scene.AddComponent<LidarSender>();
         var twist = scene.AddComponent<TwistReceiver>();
+        var body = scene.AddComponent<Rigidbody>();
+        var drive = scene.AddComponent<Drive>();
         camera.connection = lidar.connection = twist.connection = connection;
         lidar.columns = 360;
         int twists = 0;
@@ -36,7 +38,7 @@ internal static class Scene
         };
         Axes();
         var engine = new Engine();
-        engine.Begin(connection, camera, lidar, twist);
+        engine.Begin(connection, camera, lidar, twist, drive);
         for (int frame = 0; frame < 4000 && !(twists > 1 && HasReport(connection.Link)); ++frame)
         {
             engine.Frame(1 / 60.0);
@@ -51,6 +53,8 @@ internal static class Scene
         }
         Console.WriteLine("peer {0} {1}", connection.Link.PeerReport.Datagrams,
                           connection.Link.PeerReport.Refused);
+        Tell("body", body.position);
+        Tell("heading", body.rotation * new Vector3(0, 0, 1));
         Console.WriteLine("invalid " + twist.Invalid);
         engine.End();
     }

@@ -24,6 +24,16 @@ namespace UnityEngine
             return new Vector3(-v.x, -v.y, -v.z);
         }
 
+        public static Vector3 operator +(Vector3 a, Vector3 b)
+        {
+            return new Vector3(a.x + b.x, a.y + b.y, a.z + b.z);
+        }
+
+        public static Vector3 operator *(Vector3 v, float by)
+        {
+            return new Vector3(v.x * by, v.y * by, v.z * by);
+        }
+
         public static float Dot(Vector3 a, Vector3 b)
         {
             return a.x * b.x + a.y * b.y + a.z * b.z;
@@ -42,6 +52,28 @@ namespace UnityEngine
             this.w = w;
         }
 
+        public static Quaternion operator *(Quaternion a, Quaternion b)
+        {
+            return new Quaternion(a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+                                  a.w * b.y + a.y * b.w + a.z * b.x - a.x * b.z,
+                                  a.w * b.z + a.z * b.w + a.x * b.y - a.y * b.x,
+                                  a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z);
+        }
+
+        // About z, then x, then y.
+        public static Quaternion Euler(Vector3 degrees)
+        {
+            return About(1, degrees.y) * About(0, degrees.x) * About(2, degrees.z);
+        }
+
+        private static Quaternion About(int axis, double degrees)
+        {
+            double half = degrees * Math.PI / 360;
+            float sine = (float)Math.Sin(half), cosine = (float)Math.Cos(half);
+            return new Quaternion(axis == 0 ? sine : 0, axis == 1 ? sine : 0, axis == 2 ? sine : 0,
+                                  cosine);
+        }
+
         // As Unity turns a vector.
         public static Vector3 operator *(Quaternion q, Vector3 v)
         {
@@ -56,6 +88,8 @@ namespace UnityEngine
 
     public static class Mathf
     {
+        public const float Rad2Deg = 57.29578f;
+
         public static float Abs(float f)
         {
             return Math.Abs(f);
@@ -112,6 +146,11 @@ namespace UnityEngine
     {
         public static double timeAsDouble { get; set; }
         public static double fixedTimeAsDouble { get; set; }
+
+        public static float fixedDeltaTime
+        {
+            get { return 0.02f; }
+        }
     }
 
     public static class Application
@@ -149,6 +188,22 @@ namespace UnityEngine
         public T GetComponent<T>() where T : Component
         {
             return (T)Owner.Components.Find(one => one is T);
+        }
+    }
+
+    public sealed class Rigidbody : Component
+    {
+        public Vector3 position { get; private set; }
+        public Quaternion rotation { get; private set; } = new Quaternion(0, 0, 0, 1);
+
+        public void MovePosition(Vector3 to)
+        {
+            position = to;
+        }
+
+        public void MoveRotation(Quaternion to)
+        {
+            rotation = to;
         }
     }
 
@@ -258,6 +313,10 @@ namespace UnityEngine
     public sealed class RequireComponent : Attribute
     {
         public RequireComponent(Type type)
+        {
+        }
+
+        public RequireComponent(Type type, Type other)
         {
         }
     }
