@@ -17,6 +17,7 @@ SOURCES = (
     "udp-bridge/src",
     "ros/ros1",
     "ros/ros2",
+    "ros/simulation_interfaces_tck",
     "benchmarks",
     "experiments",
     "tools",
@@ -55,6 +56,7 @@ def test_types() -> None:
     run("-m", "mypy", "udp-bridge/src/udp_bridge")
     run("-m", "mypy", "ros/ros1/udp_bridge_ros1/src/udp_bridge_ros1")
     run("-m", "mypy", "ros/ros2/udp_bridge_ros2/udp_bridge_ros2")
+    run("-m", "mypy", "ros/simulation_interfaces_tck/src/simulation_interfaces_tck")
 
 
 def test_imports_run_one_way() -> None:

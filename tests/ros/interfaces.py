@@ -5,12 +5,14 @@ Nothing is installed, so that all other tests have a ROS without it: who wants i
 into PYTHONPATH. It is kept between runs for as long as its sources and the build stay the same.
 """
 
+import fcntl
 import importlib
 import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from .bodies import ROS_FOLDER
 
@@ -20,7 +22,7 @@ SOURCES = Path(__file__).resolve().parent / "simulation_interfaces"
 def simulation_interfaces(cache: Path) -> Path:
     """Return a folder for PYTHONPATH that holds the package."""
     command = [sys.executable, "-m", "tests.ros.interfaces", str(cache)]
-    done = subprocess.run(command, text=True, stdout=subprocess.PIPE, check=True, timeout=110)
+    done = subprocess.run(command, text=True, stdout=subprocess.PIPE, check=True, timeout=300)
     return Path(done.stdout.splitlines()[-1])
 
 
@@ -31,16 +33,22 @@ def main(cache: Path) -> None:
     builder = importlib.import_module("build_messages")
     package = builder.InterfacePackage(SOURCES)
     folder = cache / package.content_hash()
-    if not folder.is_dir():
-        with tempfile.TemporaryDirectory(dir=cache) as scratch:
-            build = Path(scratch)
-            builder.generate(package, build)
-            libraries = builder.compile_sources(package, build)
-            modules = build / "py" / package.name
-            for library in libraries.glob("*.so"):  # they look for each other beside themselves
-                shutil.copy(library, modules)
-            modules.parent.rename(folder)
+    with (cache / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # tests in another process may need it at the same time
+        if not folder.is_dir():
+            build_into(folder, package, builder)
     print(folder)
+
+
+def build_into(folder: Path, package: Any, builder: Any) -> None:
+    with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
+        build = Path(scratch)
+        builder.generate(package, build)
+        libraries = builder.compile_sources(package, build)
+        modules = build / "py" / package.name
+        for library in libraries.glob("*.so"):  # they look for each other beside themselves
+            shutil.copy(library, modules)
+        modules.parent.rename(folder)
 
 
 if __name__ == "__main__":
