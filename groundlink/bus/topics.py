@@ -89,6 +89,9 @@ GROUND_TRUTH = BusTopic(
 )
 TRUE_WHEELS, JOINTS = _beside(GROUND_TRUTH, {"wheels": JointState, "joints": JointState}).values()
 BODIES = BusTopic("bodies", "bodies", Bodies, PHYSICS, "bodies.rate_hz", Delivery.NEWEST)
+TRUE_MAP = BusTopic(
+    "true_map", "true_map", OccupancyGrid, PHYSICS, "true_map.rate_hz", Delivery.NEWEST
+)
 VITALS = BusTopic("vitals", "{vehicle}/vitals", Vitals, PHYSICS, f"{VITALS_HZ} Hz", Delivery.NEWEST)
 
 
@@ -147,6 +150,7 @@ TOPICS = (
     TRUE_WHEELS,
     JOINTS,
     BODIES,
+    TRUE_MAP,
     VITALS,
     *FROM_ROS.values(),
     JOINT_GROUP_COMMAND,

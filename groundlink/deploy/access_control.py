@@ -31,6 +31,7 @@ from groundlink.bus.topics import (
     JOINTS,
     MISSING_READINGS,
     RELAYED,
+    TRUE_MAP,
     TRUE_WHEELS,
     VITALS,
     WHEEL_COMMAND,
@@ -72,7 +73,7 @@ class Grant(NamedTuple):
 
 def grants(scenario: Scenario) -> Iterator[tuple[str, Grant]]:
     """Yield the name and permissions of each process of a scenario, observers and the operator."""
-    published = (STATE, CLOCK, BODIES, GROUND_TRUTH, TRUE_WHEELS, JOINTS, VITALS)
+    published = (STATE, CLOCK, BODIES, TRUE_MAP, GROUND_TRUTH, TRUE_WHEELS, JOINTS, VITALS)
     served = tuple(key("*") for key in (*_PUBLIC_QUERIES, *_CONTROL_QUERIES))
     yield "physics", Grant((*_own("physics"), *(row.key_in("*") for row in published)), served)
     for vehicle in scenario.vehicles:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""World files generated for one heightmap or mesh, with a report about the file.
+"""World files generated for one heightmap, mesh or occupancy map, with a report about the file.
 
-The world is moved so that a vehicle can spawn at the origin: on the ground in the middle of the
-map, or below the middle of the mesh.
+The world of a heightmap or mesh is moved so that a vehicle can spawn at the origin: on the ground
+in the middle of the map, or below the middle of the mesh. That of an occupancy map has the frame of
+the map.
 """
 
 import math
@@ -13,10 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundlink.world.mesh_asset import TriangleMesh, load_mesh
+from groundlink.world.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from groundlink.world.terrain import Ground, load_ground
 
-from . import meshes, terrain
+from . import map_files, meshes, terrain
 from .file_errors import Warn
+from .map_specs import OccupancyMapFile
 from .mesh_specs import MeshFile
 from .terrain_specs import HeightmapFile
 
@@ -108,6 +111,48 @@ def of_mesh(spec: MeshFile, named: str, report: Warn, warn: Warn) -> str:
             f"    material: {MATERIAL}",
             f"    position_m: {_point(at)}\n",
         ]
+    )
+
+
+def of_map(found: OccupancyMap, occupied_thresh: float, named: str, report: Warn) -> str:
+    """Return a world file for an occupancy map, whose YAML file it calls `named`.
+
+    `report` receives what was found in the file.
+
+    Raises
+    ------
+    BadFile
+        when no world can be made of it.
+    """
+    grid = found.grid
+    report(
+        f"{grid.columns} x {grid.rows} cells of {grid.resolution_m:g} m: "
+        f"{grid.columns * grid.resolution_m:g} x {grid.rows * grid.resolution_m:g} m"
+    )
+    report(counts(found))
+    walls = len(map_files.solids_of(found, OccupancyMapFile(file=named), occupied_thresh)) - 1
+    report(f"{walls:,} boxes as walls")
+    return "\n".join(
+        [
+            f"# The map {Path(named).name}; world and map have the same frame.",
+            f"name: {_name(named)}\n",
+            "map:",
+            f"  file: {_quoted(named)}",
+            "  wall_height_m: 2.5",
+            "  wall_material: plaster",
+            "  floor_material: linoleum\n",
+        ]
+    )
+
+
+def counts(found: OccupancyMap) -> str:
+    """Return how many cells of a map have which value, for people."""
+    free, occupied, unknown = (
+        int((found.cells == value).sum()) for value in (FREE, OCCUPIED, UNKNOWN)
+    )
+    between = found.cells.size - free - occupied - unknown
+    return f"{occupied:,} cells occupied, {free:,} free, {unknown:,} unknown" + (
+        f", {between:,} between" if between else ""
     )
 
 

@@ -1,24 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Import of the terrain and mesh files that a scenario names.
+"""Import of the terrain, map and mesh files that a scenario names.
 
-A description with `file`, or one of generated hills, is replaced by its resolved asset. Resolved
-values stay as they are. Files are looked up beside the file that names them.
+A description with `file`, or one of generated hills, is replaced by its resolved asset; a map
+becomes solids. Resolved values stay as they are. Files are looked up beside the file that names
+them.
 """
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from groundlink.importing import meshes, terrain
+from groundlink.importing import map_files, meshes, terrain
 from groundlink.importing.file_errors import BadFile, Warn
+from groundlink.importing.map_specs import MapServerYaml, OccupancyMapFile
 from groundlink.importing.mesh_specs import MeshFile
 from groundlink.importing.terrain_specs import TerrainSpec
+from groundlink.world.occupancy import OccupancyMap
 
-from .document import DataPath, Document, ScenarioError
+from .document import DataPath, Document, ScenarioError, read
 from .validation_errors import convert, dotted
 
 TERRAIN: DataPath = ("world", "terrain")
+MAP: DataPath = ("world", "map")
+SOLIDS: DataPath = ("world", "solids")
 
 
 class _Terrain(msgspec.Struct):
@@ -27,12 +33,16 @@ class _Terrain(msgspec.Struct):
     terrain: TerrainSpec
 
 
+class _Map(msgspec.Struct):
+    map: OccupancyMapFile
+
+
 class _Shape(msgspec.Struct):
     shape: MeshFile
 
 
 def import_assets(document: Document, warn: Warn) -> None:
-    """Import all terrain and mesh files of a document; `warn` receives warnings.
+    """Import all terrain, map and mesh files of a document; `warn` receives warnings.
 
     Raises
     ------
@@ -51,6 +61,8 @@ def import_assets(document: Document, warn: Warn) -> None:
         except BadFile as error:
             raise ScenarioError(f"{document.mark(TERRAIN)}: `terrain`: {error}") from None
         document.put(TERRAIN, Document(msgspec.to_builtins(built)))
+    if isinstance(world := document.at(MAP[:1]), dict) and MAP[1] in world:
+        _import_map(document, world)
     known: dict[tuple[str, MeshFile], Any] = {}
     for path in list(_mesh_files(document.value, ())):
         mesh = convert(document.alone(path), _Shape).shape
@@ -64,6 +76,48 @@ def import_assets(document: Document, warn: Warn) -> None:
             except BadFile as error:
                 raise ScenarioError(f"{mark}: `{dotted(path)}`: {error}") from None
         document.put(path, Document(known[key]))
+
+
+def _import_map(document: Document, world: dict[str, Any]) -> None:
+    """Replace the map of a world by solids, which come before those of the file."""
+    spec = convert(document.alone(MAP), _Map).map
+    mark = document.mark((*MAP, "file"))
+    if world.get(TERRAIN[1]) is not None:
+        raise ScenarioError(
+            f"{document.mark(MAP)}: `map`: the world has `terrain`, too. Fix: keep one of them"
+        )
+    file = mark.file.parent / spec.file
+    described, found = read_map(file)
+    try:
+        built = map_files.solids_of(found, spec, described.occupied_thresh)
+    except BadFile as error:
+        raise ScenarioError(f"{mark}: `map`: {file}: {error}") from None
+    own = world.get("solids", [])
+    if not isinstance(own, list):
+        return  # the schema reports it
+    marks = {(number,): mark for number in range(len(built))}
+    for path in [path for path in document.marks if path[:2] == SOLIDS]:
+        line = document.marks.pop(path)
+        if isinstance(number := path[2:3] and path[2], int):
+            marks[(len(built) + number, *path[3:])] = line
+    document.put(SOLIDS, Document([*msgspec.to_builtins(built), *own], marks))
+    del world[MAP[1]]
+
+
+def read_map(file: Path) -> tuple[MapServerYaml, OccupancyMap]:
+    """Return the content of a YAML file of map_server, and the map it describes.
+
+    Raises
+    ------
+    ScenarioError
+        when the file or its picture cannot be used.
+    """
+    document = read(file)
+    described = convert(document, MapServerYaml)
+    try:
+        return described, map_files.read_map(described, file.parent)
+    except BadFile as error:
+        raise ScenarioError(f"{document.mark(('image',))}: `image`: {error}") from None
 
 
 def _mesh_files(value: Any, path: DataPath) -> Iterator[DataPath]:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from groundlink.core.errors import did_you_mean
+from groundlink.ros.streams import TRUE_MAP_TOPIC
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.lockstep_window import window_mistake
@@ -19,6 +20,7 @@ from groundlink.scenario.vehicle import VehicleModel
 from groundlink.scene.build import UnknownMaterial, WorldError, solids
 from groundlink.scene.entities import static_entities
 from groundlink.scene.spawn_checks import check_spawns
+from groundlink.scene.true_map import check_true_map
 
 from .document import DataPath, Document, ScenarioError
 from .material_library import material_library
@@ -60,7 +62,9 @@ def check_scenario(scenario: Scenario, document: Document) -> None:
         raise ScenarioError(f"{mark}: `time.window_ticks`: {found}")
     _check_topics(scenario, document)
     try:
-        check_spawns(scenario, solids(scenario))
+        static = solids(scenario)
+        check_spawns(scenario, static)
+        check_true_map(scenario, static)
     except UnknownMaterial as error:
         known = scenario.world.materials | material_library()
         named = UnknownMaterial(error.path, error.material, known)
@@ -115,6 +119,8 @@ def _take(use: _Use, first: dict[str, _Use], document: Document) -> None:
 def _sent(scenario: Scenario) -> Iterator[_Use]:
     """Yield the topics of all streams to ROS, except those of the gateway itself."""
     yield _Use(scenario.bodies.topic, ("bodies",), "`bodies`")
+    if scenario.true_map is not None:
+        yield _Use(TRUE_MAP_TOPIC, ("true_map",), "`true_map`")
     for v, vehicle in enumerate(scenario.vehicles):
         truth, whose = ("vehicles", v, "ground_truth"), f"`ground_truth` of `{vehicle.name}`"
         for topic in scenario.true_topics(vehicle):

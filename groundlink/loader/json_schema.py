@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 import msgspec
 from msgspec.inspect import Field, StructType, Type, multi_type_info
 
+from groundlink.importing.map_specs import OccupancyMapFile
 from groundlink.importing.mesh_specs import MeshFile
 from groundlink.importing.terrain_specs import TerrainSpec
 from groundlink.scenario.route import Route
@@ -46,7 +47,7 @@ _BY_NAME = ((Scenario, "world"), (Vehicle, "model"), (Vehicle, "route"))
 RESOLVED = (Terrain, Mesh)
 """Types that the loader makes of the first of `_IN_FILES`; people do not write them."""
 
-_IN_FILES = (TerrainSpec, MeshFile, Scatter)
+_IN_FILES = (TerrainSpec, MeshFile, Scatter, OccupancyMapFile)
 """Types that only files have: the loader replaces them."""
 
 _ALL_TYPES = (Scenario, *_IN_FILES)
@@ -83,6 +84,9 @@ def _definitions() -> dict[str, Schema]:
         "type": "array",
         "items": described[2],
         "description": "Objects placed at random over the terrain; they become `outdoors`.",
+    }
+    definitions["World"]["properties"]["map"] = described[3] | {
+        "description": "Occupancy map of which walls and a floor are made; they become `solids`."
     }
     _also(definitions, "VehicleModel", _of_urdf(definitions))
     for sensor in _names(Sensor):

@@ -92,7 +92,7 @@ def _kind(document: Document) -> FileKind:
     for kind, typical in (
         (FileKind.SCENARIO, {"world", "vehicles"}),
         (FileKind.VEHICLE, {"drive", "wheels", "urdf", "chassis"}),
-        (FileKind.WORLD, {"materials", "solids", "room", "terrain"}),
+        (FileKind.WORLD, {"materials", "solids", "room", "terrain", "map"}),
     ):
         if keys & typical:
             return kind

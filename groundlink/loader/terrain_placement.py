@@ -13,11 +13,10 @@ from groundlink.core.fields import Vector3
 from groundlink.world.objects.outdoor_specs import Fence, OutdoorObject
 from groundlink.world.terrain import Terrain, load_ground
 
-from .asset_import import TERRAIN
+from .asset_import import SOLIDS, TERRAIN
 from .document import DataPath, Document, ScenarioError
 from .validation_errors import convert
 
-SOLIDS: DataPath = ("world", "solids")
 OUTDOORS: DataPath = ("world", "outdoors")
 
 ON_GROUND = "on_ground"

@@ -26,7 +26,14 @@ from groundlink.scenario.wheel_encoders import IncrementalEncoders
 
 from .all_joints import AllJoints
 from .robot_description import Ros2Control, urdf
-from .streams import TF_STATIC_TOPIC, TF_TOPIC, TRUE_TF_TOPIC, mounts, static_transforms
+from .streams import (
+    TF_STATIC_TOPIC,
+    TF_TOPIC,
+    TRUE_MAP_TOPIC,
+    TRUE_TF_TOPIC,
+    mounts,
+    static_transforms,
+)
 from .tf_tree import TopFromTruth, stamped
 
 MAP_FRAME, ODOM_FRAME = "map", "odom"
@@ -308,7 +315,7 @@ def made_topics(scenario: Scenario) -> set[str]:
 
 def is_latched(topic: str) -> bool:
     """Return whether a topic is latched: published once, and kept for late subscribers."""
-    return topic == TF_STATIC_TOPIC or topic.endswith(f"/{DESCRIPTION}")
+    return topic in (TF_STATIC_TOPIC, TRUE_MAP_TOPIC) or topic.endswith(f"/{DESCRIPTION}")
 
 
 def _top(vehicle: Vehicle, odometry: SensorSpec | None) -> str:

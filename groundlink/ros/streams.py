@@ -23,6 +23,7 @@ from groundlink.bus.topics import (
     MISSING_READINGS,
     RELAYED,
     STREAM_TOPICS,
+    TRUE_MAP,
     TRUE_WHEELS,
     VITALS,
     sensor_outputs,
@@ -41,6 +42,7 @@ CLOCK_TOPIC = "/clock"
 TF_TOPIC = "/tf"
 TF_STATIC_TOPIC = "/tf_static"
 TRUE_TF_TOPIC = "/ground_truth/tf"
+TRUE_MAP_TOPIC = "/ground_truth/map"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +80,7 @@ class Outgoing(RosStream):
 
 
 def outgoing(scenario: Scenario, run: str) -> list[Outgoing]:
-    """Return the streams that can go to ROS: clock, streams of each vehicle, body poses."""
+    """Return the streams that can go to ROS: clock, streams of each vehicle, bodies, true map."""
     clock = Outgoing(
         key=CLOCK.key_in(run),
         message=Clock,
@@ -93,7 +95,19 @@ def outgoing(scenario: Scenario, run: str) -> list[Outgoing]:
         declared_hz=scenario.bodies.rate_hz,
         push=scenario.bodies.push,
     )
-    return [clock, *(s for v in scenario.vehicles for s in _of_vehicle(scenario, v, run)), bodies]
+    of_vehicles = (s for v in scenario.vehicles for s in _of_vehicle(scenario, v, run))
+    return [clock, *of_vehicles, bodies, *_true_map(scenario, run)]
+
+
+def _true_map(scenario: Scenario, run: str) -> Iterator[Outgoing]:
+    if scenario.true_map is not None:
+        yield Outgoing(
+            key=TRUE_MAP.key_in(run),
+            message=TRUE_MAP.message,
+            topic=TRUE_MAP_TOPIC,
+            declared_hz=scenario.true_map.rate_hz,
+            push=True,
+        )
 
 
 def recorded_only(scenario: Scenario, run: str) -> list[RosStream]:

@@ -23,7 +23,7 @@ from groundlink.world.solids import Material, Solid
 from groundlink.world.terrain import Terrain
 from groundlink.world.weather import Lamps, Sun, Weather
 
-from .every_sensor import FramePrefix, Name, Rate, RosTopic, SensorSpec
+from .every_sensor import Frame, FramePrefix, Name, Rate, RosTopic, SensorSpec
 from .ros_side import FromRos, GatewaySettings, Stream, TfTree
 from .route import Route
 from .sensor_kinds import sensor_union
@@ -37,7 +37,8 @@ if not TYPE_CHECKING:
     Sensor = sensor_union()
 
 RESERVED_NAMES = frozenset(
-    "ack assets bodies clock control faults gaps health journal link scenario state world".split()
+    "ack assets bodies clock control faults gaps health journal link scenario state true_map "
+    "world".split()
 )
 """Second parts of the bus's own keys. Vehicles cannot have these names."""
 
@@ -226,6 +227,27 @@ class BodyPoses(Spec, frozen=True):
     stream to subscribers only."""
 
 
+class TrueMap(Spec, frozen=True):
+    """Occupancy map of the static world on /ground_truth/map, published by physics."""
+
+    resolution_m: Annotated[float, Meta(gt=0)] = 0.05
+    """Edge length of a cell."""
+
+    heights_m: tuple[float, float] | None = None
+    """Lowest and highest height of obstacles above the ground; none: the height of the first planar
+    scanner, or 0.1 and 1.0 m without one."""
+
+    frame: Frame = "world"
+    """tf frame of the map. A stack that takes the map as its own needs `map`."""
+
+    rate_hz: Rate = 1.0
+    """Messages per second of sim time. In ROS, a late subscriber gets the last one."""
+
+    def __post_init__(self) -> None:
+        if self.heights_m is not None and self.heights_m[0] > self.heights_m[1]:
+            raise ValueError("`heights_m`: expected the lower height first")
+
+
 class Vehicle(Spec, frozen=True, kw_only=True):
     """A vehicle of a run."""
 
@@ -412,6 +434,9 @@ class Scenario(Spec, frozen=True, kw_only=True):
 
     bodies: BodyPoses = BodyPoses()
     """True poses of all bodies for evaluation, moving and static."""
+
+    true_map: TrueMap | None = None
+    """True occupancy map for localization and its evaluation; none: it is not published."""
 
     gateway: GatewaySettings = GatewaySettings()
     """Settings of the gateway to ROS."""

@@ -16,7 +16,7 @@ from typing import Protocol
 from groundlink.bus.topics import STREAM_TOPICS, sensor_outputs
 from groundlink.core.clock import NANOS, TICK_NANOS, Schedule, exact
 from groundlink.messages.base import Ack, BadBusMessage, BusMessage, Clock, Health, measured_nanos
-from groundlink.ros.base import Bases
+from groundlink.ros.base import Bases, is_latched
 from groundlink.ros.cdr import ros_type_of, to_cdr
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
 from groundlink.ros.streams import RosStream, incoming, outgoing, recorded_only
@@ -311,7 +311,7 @@ class Recorder:
 
     def _topic(self, name: str, ros_type: str) -> RecordingTopic:
         assert self._file is not None
-        return self._file.topic(name, ros_type, latched=name in self._bases.latched)
+        return self._file.topic(name, ros_type, latched=is_latched(name))
 
     def _is_beyond(self, nanos: int) -> bool:
         end = self.end_nanos

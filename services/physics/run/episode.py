@@ -50,7 +50,7 @@ from services.physics.dynamics.backend import Pose, Twist
 from services.physics.simulation.simulation import Simulation
 
 from .entities import EntityRegistry
-from .ground_truth import BodyTruth, VehicleTruth
+from .ground_truth import BodyTruth, VehicleTruth, map_truth
 from .pacer import pacer_for
 from .participants import PendingAcks
 from .publishers import Publishers
@@ -103,6 +103,7 @@ class Episode:
         self._cut_off: set[str] = set()
         self._truths = [VehicleTruth(vehicle) for vehicle in scenario.vehicles]
         self._bodies = BodyTruth(scenario, static)
+        self._map = map_truth(scenario, static)
         self.entities = EntityRegistry()
         self._pending_acks = PendingAcks()
         self.number = wall_nanos
@@ -147,6 +148,7 @@ class Episode:
     def _become(self, scenario: Scenario) -> None:
         """Simulate another world from the next step on; all that is in both continues."""
         simulation, static = self._simulation, solids(scenario)
+        self._map.change(scenario, static)
         simulation.become(scenario, static)
         self.scenario = scenario
         self.world_hash = world_hash(scenario)
@@ -369,6 +371,8 @@ class Episode:
                     publish.joints[truth.vehicle](truth.joints(vehicle, steering, stamp))
         if bodies := self._bodies.poses(state):
             publish.bodies(bodies)
+        if world_map := self._map.due(state):
+            publish.true_map(world_map)
         if simulation.tick % VITALS_TICKS == 0:
             for vitals in simulation.vitals(state.stamp_nanos):
                 publish.vitals[vitals.vehicle](vitals)

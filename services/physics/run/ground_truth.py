@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ground truth of vehicles and bodies as messages that map to ROS types.
+"""Ground truth of vehicles, bodies and the world's map as messages that map to ROS types.
 
 Messages have the declared rate and the stamps of their instants, as a sensor's readings would. For
 an instant between two ticks the states of both are interpolated. Covariances are zero.
@@ -9,14 +9,21 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS, Schedule
 from groundlink.core.frames import IDENTITY_QUATERNION, matrix_from_quaternion, nlerp
 from groundlink.messages.base import State, VehicleState, floats, packed
 from groundlink.messages.ground_truth import WORLD_FRAME, Bodies
-from groundlink.messages.navigation import COVARIANCE_6X6_BYTES, JointState, Odometry
-from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.messages.navigation import (
+    COVARIANCE_6X6_BYTES,
+    JointState,
+    OccupancyGrid,
+    Odometry,
+)
+from groundlink.scenario.schema import Scenario, TrueMap, Vehicle
 from groundlink.scene.bodies import body_names
+from groundlink.scene.true_map import true_map
 from groundlink.world.solids import Solid
 
 _ACTORS = "/actors"
@@ -198,3 +205,61 @@ class BodyTruth:
             }
         all_poses = b"".join([*after.values(), self._still])
         return Bodies(instant.stamp_nanos, self._names, memoryview(all_poses))
+
+
+class MapTruth:
+    """The true map of a run's world; computed once for each world.
+
+    Parameters
+    ----------
+    spec
+        which map a scenario asks for.
+    """
+
+    def __init__(self, spec: TrueMap, scenario: Scenario, static: Sequence[Solid]) -> None:
+        self._spec = spec
+        self._instants = _Instants(spec.rate_hz)
+        self.change(scenario, static)
+
+    def change(self, scenario: Scenario, static: Sequence[Solid]) -> None:
+        """Switch to the map of another world."""
+        spec = self._spec
+        found = true_map(scenario, static, resolution_m=spec.resolution_m, heights_m=spec.heights_m)
+        grid = found.grid
+        self._map = OccupancyGrid(
+            stamp_nanos=0,
+            frame=spec.frame,
+            loaded_nanos=0,
+            resolution_m=grid.resolution_m,
+            width=grid.columns,
+            height=grid.rows,
+            origin_position_m=(grid.x_m, grid.y_m, 0.0),
+            origin_orientation=IDENTITY_QUATERNION,
+            cells=packed(found.cells),
+        )
+
+    def due(self, state: State) -> OccupancyGrid | None:
+        """Return the map if it is due; to be called for every state."""
+        instant = self._instants.at(state)
+        if instant is None:
+            return None
+        return replace(self._map, stamp_nanos=instant.stamp_nanos, loaded_nanos=state.epoch_nanos)
+
+
+class NoMapTruth(MapTruth):
+    """No map, in a scenario that does not ask for one."""
+
+    def __init__(self) -> None:
+        pass
+
+    def change(self, scenario: Scenario, static: Sequence[Solid]) -> None:
+        """Do nothing."""
+
+    def due(self, state: State) -> None:
+        """Return None: no map is ever due."""
+
+
+def map_truth(scenario: Scenario, static: Sequence[Solid]) -> MapTruth:
+    """Return the true map of a scenario, or its stand-in."""
+    spec = scenario.true_map
+    return NoMapTruth() if spec is None else MapTruth(spec, scenario, static)

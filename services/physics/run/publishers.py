@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from groundlink.bus.core_topics import CLOCK, STATE
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import BODIES, GROUND_TRUTH, JOINTS, TRUE_WHEELS, VITALS
+from groundlink.bus.topics import BODIES, GROUND_TRUTH, JOINTS, TRUE_MAP, TRUE_WHEELS, VITALS
 from groundlink.messages.base import BusMessage, encode
 from groundlink.scenario import Scenario
 
@@ -21,6 +21,7 @@ class Publishers:
     state: Publish
     clock: Publish
     bodies: Publish
+    true_map: Publish
     truth: dict[str, Publish]
     wheels: dict[str, Publish]
     joints: dict[str, Publish]
@@ -32,10 +33,11 @@ class BusPublishers(Publishers):
 
     def __init__(self, bus: Bus, run: str, scenario: Scenario) -> None:
         self._bus, self._run = bus, run
-        state, clock, bodies = (
-            bus.publisher(topic.key_in(run), topic.delivery) for topic in (STATE, CLOCK, BODIES)
+        state, clock, bodies, true_map = (
+            bus.publisher(topic.key_in(run), topic.delivery)
+            for topic in (STATE, CLOCK, BODIES, TRUE_MAP)
         )
-        super().__init__(state, clock, bodies, {}, {}, {}, {})
+        super().__init__(state, clock, bodies, true_map, {}, {}, {}, {})
         self.declare(scenario)
 
     def declare(self, scenario: Scenario) -> None:
@@ -59,4 +61,4 @@ def silent_publishers() -> Publishers:
         return b""
 
     each: defaultdict[str, Publish] = defaultdict(lambda: none)
-    return Publishers(encode, none, none, each, each, each, each)
+    return Publishers(encode, none, none, none, each, each, each, each)

@@ -40,5 +40,5 @@ def test_a_message_does_not_overtake_one_that_is_being_published(channel: _Chann
 
 
 def test_a_latched_message_waits_as_all_of_its_topic_are_compared(channel: _Channel) -> None:
-    channel.qos = channel.qos._replace(is_latched=True)
+    channel.qos = channel.qos._replace(is_repeated=True)
     assert not channel.is_quick()

@@ -148,7 +148,7 @@ class BarrierResponder:
         if gateway is None:
             return False
         row = MSG_TYPES[message.msg_type]
-        if publisher_qos(row.name, message.topic).is_latched:
+        if publisher_qos(row.name, message.topic).is_repeated:
             return False
         with self._lock:
             gateway.buffer.put(message)

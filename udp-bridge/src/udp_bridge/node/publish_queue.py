@@ -100,7 +100,7 @@ class _Channel:
         self.took_s = math.inf
         """Time that ROS took to publish the last message."""
         self.latest: Dict[Address, bytes] = {}
-        """Last body of each sender on a latched topic."""
+        """Last body of each sender on a topic of repeated messages."""
 
     def is_quick(self) -> bool:
         """Return whether the receiving thread may publish the next message itself."""
@@ -108,11 +108,11 @@ class _Channel:
             self.took_s <= QUICK_SECONDS
             and not self.waiting
             and not self.is_publishing
-            and not self.qos.is_latched
+            and not self.qos.is_repeated
         )
 
     def is_new(self, body: bytes, sender: Address) -> bool:
-        """Return whether a body of a latched topic changed, and remember it.
+        """Return whether a repeated body changed, and remember it.
 
         The sender repeats it for late receivers; in ROS, latching does that.
         """
@@ -325,7 +325,7 @@ class PublishQueue:
             if publication is None:
                 publication = channel.publication = self._publisher(channel, message, sender)
             began_s = time.monotonic()
-            is_new = not channel.qos.is_latched or channel.is_new(bytes(message.body), sender)
+            is_new = not channel.qos.is_repeated or channel.is_new(bytes(message.body), sender)
             if is_new:
                 body = message.body
                 publication.publish(memoryview(body)[channel.offset :] if channel.offset else body)

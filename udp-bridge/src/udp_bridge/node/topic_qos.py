@@ -16,7 +16,10 @@ class TopicQos(NamedTuple):
     waiting_bytes: int = 0
     """More messages may wait if they take no more than this: blocks of a LiDAR come in bursts."""
     is_latched: bool = False
-    """A late subscriber gets the last message, which is published again only when it changes."""
+    """A late subscriber gets the last message."""
+    is_repeated: bool = False
+    """The sender repeats the same message, which is published again only when it changes. In
+    lockstep it is published when it arrives."""
 
 
 # Half a second of an IMU at 400 Hz in ROS, and a second of it while the publishing thread is busy.
@@ -32,14 +35,16 @@ _PUBLISHED = {
     "Clock": TopicQos(depth=1, waiting=10),
     # Each message moves other frames, so a newer one does not replace it.
     "TFMessage": _SMALL,
+    # As map_server publishes maps; subscribers of navigation match latched publishers only.
+    "OccupancyGrid": TopicQos(depth=1, waiting=3, is_latched=True),
     # Messages of any size: half a second at 100 Hz, and no more than a few large ones.
     "Typed": TopicQos(depth=50, waiting=3, waiting_bytes=1 << 20),
 }
 
-_STATIC_TRANSFORMS = TopicQos(depth=16, waiting=16, is_latched=True)
+_STATIC_TRANSFORMS = TopicQos(depth=16, waiting=16, is_latched=True, is_repeated=True)
 STATIC_TRANSFORMS_TOPIC = "tf_static"
 # A String is a robot description; robot_state_publisher latches it, too.
-_DESCRIPTION = TopicQos(depth=1, waiting=16, is_latched=True)
+_DESCRIPTION = TopicQos(depth=1, waiting=16, is_latched=True, is_repeated=True)
 
 
 def publisher_qos(type_name: str, topic: str) -> TopicQos:

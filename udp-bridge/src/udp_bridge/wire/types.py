@@ -42,7 +42,7 @@ _ROWS = (
     MessageType(8, "Clock", "rosgraph_msgs/msg/Clock", "/clock", "to ROS"),
     MessageType(9, "Twist", "geometry_msgs/msg/Twist", "/cmd_vel", "from ROS"),
     MessageType(10, "PoseStamped", "geometry_msgs/msg/PoseStamped", "/pose", "both"),
-    MessageType(11, "OccupancyGrid", "nav_msgs/msg/OccupancyGrid", "/map", "from ROS"),
+    MessageType(11, "OccupancyGrid", "nav_msgs/msg/OccupancyGrid", "/map", "both"),
     MessageType(32, "LaserScan", "sensor_msgs/msg/LaserScan", "/scan", "to ROS"),
     MessageType(33, "Image", "sensor_msgs/msg/Image", "/image", "to ROS"),
     MessageType(34, "CameraInfo", "sensor_msgs/msg/CameraInfo", "/camera_info", "to ROS"),
