@@ -31,7 +31,7 @@ MAX_WALLS = 10_000
 _GRAYS = {OCCUPIED: 0, FREE: 254, UNKNOWN: 205}
 """Pixels of written maps, as map_saver writes them."""
 
-_THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}
+_OCCUPIED_THRESH, _FREE_THRESH = 0.65, 0.196
 """They separate these pixels: 205 is 0.1961 dark."""
 
 
@@ -153,8 +153,8 @@ def _rectangles(mask: NDArray[np.bool_]) -> list[Rectangle]:
     for row in np.flatnonzero(left.any(axis=1)).tolist():
         edges = np.flatnonzero(np.diff(left[row], prepend=False, append=False))
         for first, last in edges.reshape(-1, 2).tolist():
-            below = left[row:, first:last].all(axis=1)
-            count = int(below.argmin()) if not below.all() else len(below)
+            gaps = np.flatnonzero(~left[row:, first:last].all(axis=1))
+            count = int(gaps[0]) if len(gaps) else len(left) - row
             left[row : row + count, first:last] = False
             found.append((row, first, row + count, last))
     return found
@@ -206,7 +206,8 @@ def write(found: OccupancyMap, file: Path) -> Path:
         resolution=grid.resolution_m,
         origin=(round(grid.x_m, 9), round(grid.y_m, 9), grid.yaw_rad),
         negate=0,
-        **_THRESHOLDS,
+        occupied_thresh=_OCCUPIED_THRESH,
+        free_thresh=_FREE_THRESH,
     )
     lines = [f"{key}: {_yaml(value)}\n" for key, value in asdict(described).items()]
     with write_atomically(file) as part:

@@ -19,9 +19,10 @@ from groundlink.importing.mesh_specs import MeshFile
 from groundlink.importing.terrain_specs import TerrainSpec
 from groundlink.world.occupancy import OccupancyMap
 
-from .document import DataPath, Document, ScenarioError, read
+from .document import DataPath, Document, ScenarioError, SourceLine, read
 from .validation_errors import convert, dotted
 
+WORLD: DataPath = ("world",)
 TERRAIN: DataPath = ("world", "terrain")
 MAP: DataPath = ("world", "map")
 SOLIDS: DataPath = ("world", "solids")
@@ -61,7 +62,7 @@ def import_assets(document: Document, warn: Warn) -> None:
         except BadFile as error:
             raise ScenarioError(f"{document.mark(TERRAIN)}: `terrain`: {error}") from None
         document.put(TERRAIN, Document(msgspec.to_builtins(built)))
-    if isinstance(world := document.at(MAP[:1]), dict) and MAP[1] in world:
+    if isinstance(world := document.at(WORLD), dict) and "map" in world:
         _import_map(document, world)
     known: dict[tuple[str, MeshFile], Any] = {}
     for path in list(_mesh_files(document.value, ())):
@@ -82,7 +83,7 @@ def _import_map(document: Document, world: dict[str, Any]) -> None:
     """Replace the map of a world by solids, which come before those of the file."""
     spec = convert(document.alone(MAP), _Map).map
     mark = document.mark((*MAP, "file"))
-    if world.get(TERRAIN[1]) is not None:
+    if world.get("terrain") is not None:
         raise ScenarioError(
             f"{document.mark(MAP)}: `map`: the world has `terrain`, too. Fix: keep one of them"
         )
@@ -95,13 +96,13 @@ def _import_map(document: Document, world: dict[str, Any]) -> None:
     own = world.get("solids", [])
     if not isinstance(own, list):
         return  # the schema reports it
-    marks = {(number,): mark for number in range(len(built))}
+    marks: dict[DataPath, SourceLine] = {(number,): mark for number in range(len(built))}
     for path in [path for path in document.marks if path[:2] == SOLIDS]:
         line = document.marks.pop(path)
-        if isinstance(number := path[2:3] and path[2], int):
+        if len(path) > 2 and isinstance(number := path[2], int):
             marks[(len(built) + number, *path[3:])] = line
     document.put(SOLIDS, Document([*msgspec.to_builtins(built), *own], marks))
-    del world[MAP[1]]
+    del world["map"]
 
 
 def read_map(file: Path) -> tuple[MapServerYaml, OccupancyMap]:

@@ -60,7 +60,8 @@ class MapGrid:
     def in_cells(self, points_m: Floats) -> Floats:
         """Return points of the world, shape (N, 2), as columns and rows of the map, in cells."""
         c, s = cos(self.yaw_rad), sin(self.yaw_rad)
-        return (points_m - (self.x_m, self.y_m)) @ np.array([[c, -s], [s, c]]) / self.resolution_m
+        local: Floats = (points_m - (self.x_m, self.y_m)) @ np.array([[c, -s], [s, c]])
+        return local / self.resolution_m
 
     def centers_m(self) -> Floats:
         """Return the centers of all cells in the world, shape (rows, columns, 2)."""

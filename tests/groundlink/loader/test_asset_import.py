@@ -142,3 +142,72 @@ def test_doubtful_values_are_warned_about(tmp_path: Path) -> None:
     load(file, warn=told.append)
     assert len(told) == 1
     assert "millimeter" in told[0]
+
+
+CELLS = ["11111", "1.. 1", "1...1", "11111"]
+"""A room of a map from north to south: wall, floor, unknown."""
+
+HILLS = {"kind": "hills", "size_m": [9, 9], "cell_m": 1, "height_m": 1, "longest_m": 5} | {
+    "material": "grass"
+}
+
+MAP_YAML = (
+    "image: room.pgm\nresolution: 0.5\norigin: [-1.0, -1.0, 0.0]\nnegate: 0\n"
+    "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+)
+
+
+def mapped(folder: Path, text: str = MAP_YAML, **changes: object) -> Path:
+    """Write a scenario whose world, map and picture lie in other folders."""
+    for name in ("worlds", "maps"):
+        (folder / name).mkdir(exist_ok=True)
+    grays = bytes({"1": 0, ".": 254, " ": 205}[cell] for row in CELLS for cell in row)
+    write(folder / "maps", "room.pgm", b"P5 5 4 255\n" + grays)
+    write(folder / "maps", "room.yaml", text.encode())
+    world = {"name": "flat", "map": {"file": "../maps/room.yaml"}} | changes
+    (folder / "worlds" / "flat.yaml").write_text(yaml.safe_dump(world))
+    vehicle = {"name": "rover", "model": "rover", "placement": {"x_m": 0.25}}
+    scenario = {"name": "it", "world": "worlds/flat.yaml", "vehicles": [vehicle]}
+    (folder / "it.yaml").write_text(yaml.safe_dump(scenario))
+    return folder / "it.yaml"
+
+
+def test_a_map_becomes_solids_before_those_of_the_file(tmp_path: Path) -> None:
+    box = {"kind": "box", "size_m": [0.1, 0.1, 0.1]}
+    own = {"name": "own", "shape": box, "material": "metal", "position_m": [0.9, 0.4, 0.1]}
+    scenario = load(mapped(tmp_path, solids=[own]))
+    names = [solid.name for solid in scenario.world.solids]
+    assert names == ["map_floor", *(f"map_wall_{i}" for i in range(4)), "own"]
+    assert {"plaster", "linoleum"} <= scenario.world.materials.keys()
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(scenario), type=Scenario) == scenario
+    assert assets.missing(needed(scenario)) == []
+    with pytest.raises(ScenarioError, match=r"flat\.yaml:11: `world.solids\[5\].shape.size_m` is"):
+        load(mapped(tmp_path, solids=[own | {"shape": {"kind": "box"}}]))
+
+
+@pytest.mark.parametrize(
+    ("text", "changes", "problem"),
+    [
+        (MAP_YAML.replace("resolution: 0.5", "resolution: -1"), {}, r"room.yaml:2: `resolution`: "),
+        (MAP_YAML.replace("origin: [-1.0, -1.0, 0.0]", "origin: [1, 2]"), {}, r"room.yaml:3: `ori"),
+        (MAP_YAML.replace("negate: 0\n", ""), {}, r"room.yaml:1: `negate` is missing; add it"),
+        (MAP_YAML.replace("0.196", "0.7"), {}, r"room.yaml:1: `free_thresh` is 0.7; expected less"),
+        (
+            MAP_YAML + "mode: both\n",
+            {},
+            r"room.yaml:7: `mode`: unknown value `both`; expected one of raw",
+        ),
+        (MAP_YAML.replace("room.pgm", "no.pgm"), {}, r"room.yaml:1: `image`: .*there is no such"),
+        (MAP_YAML.replace("0.65", "0.19").replace("0.196", "0.1"), {}, r"placement.*starts inside"),
+        (MAP_YAML, {"map": {"file": "no.yaml"}}, r"no.yaml: no such file"),
+        (MAP_YAML, {"map": {"file": "../maps/room.yaml", "high_m": 2}}, r"unknown key `map.high_m"),
+        (MAP_YAML, {"map": {"file": "../maps/room.yaml", "wall_material": "plastr"}}, "`plaster`"),
+        (MAP_YAML, {"terrain": HILLS}, r"`map`: the world has `terrain`, too"),
+    ],
+)
+def test_a_mistake_in_a_map_is_one_line(
+    tmp_path: Path, text: str, changes: dict[str, object], problem: str
+) -> None:
+    with pytest.raises(ScenarioError, match=problem) as caught:
+        load(mapped(tmp_path, text, **changes))
+    assert ".yaml:" in str(caught.value) or "no.yaml" in str(caught.value)

@@ -95,7 +95,8 @@ def test_holes_are_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         (("box.stl", "--out", "box.stl"), "file exists"),
         (("box.stl", "--out", "none/w.yaml"), "no such folder: none"),
         (("none.stl",), "none.stl: there is no such file"),
-        (("new.yaml",), "new.yaml: unknown format; expected one of .png"),
+        (("new.txt",), "new.txt: unknown format; expected one of .png"),
+        (("new.yaml",), "new.yaml: no such file or directory"),
     ],
 )
 def test_a_mistake_is_one_line(
@@ -107,3 +108,55 @@ def test_a_mistake_is_one_line(
     said = capsys.readouterr().err
     assert problem in said
     assert said.count("\n") == 1
+
+
+ROOM = "name: it\nroom: {size_m: [4, 3, 2.5], wall_thickness_m: 0.1}\n"
+
+
+def test_the_map_of_a_world_is_written_and_becomes_a_world_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("room.yaml").write_text(ROOM)
+    assert main(["world", "map", "room.yaml", "--out", "one.yaml"]) == 0
+    assert capsys.readouterr().out == (
+        "room.yaml:\n  200 x 180 cells of 0.05 m\n  obstacles from 0.1 to 1 m above the ground\n"
+        "  576 cells occupied, 35,424 free, 0 unknown\n  wrote one.yaml and one.pgm\n"
+    )
+    assert main(["world", "import", "one.yaml", "--out", "again.yaml"]) == 0
+    assert capsys.readouterr().out == (
+        "one.yaml:\n  200 x 180 cells of 0.05 m: 10 x 9 m\n"
+        "  576 cells occupied, 35,424 free, 0 unknown\n  4 boxes as walls\n"
+        "  wrote again.yaml; use it in a scenario of the same folder: `world: again.yaml`\n"
+    )
+    assert main(["world", "map", "again.yaml", "--out", "two.yaml", "--like", "one.yaml"]) == 0
+    assert Path("two.pgm").read_bytes() == Path("one.pgm").read_bytes()
+    Path("it.yaml").write_text("name: it\nworld: again.yaml\nvehicles: [{name: a, model: rover}]\n")
+    assert load("it.yaml").world.name == "one"
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        (["room.yaml", "--out", "it.pgm"], "--out it.pgm: expected a file name that ends in .yaml"),
+        (["room.yaml", "--out", "room.yaml"], "--out room.yaml: file exists"),
+        (["room.yaml", "--out", "a.yaml", "--resolution-m", "0"], "--resolution-m 0.0: expected"),
+        (["room.yaml", "--out", "a.yaml", "--heights-m", "1", "0"], "--heights-m: expected the"),
+        (["room.yaml", "--out", "a.yaml", "--resolution-m", "1e-4"], "cells is too large"),
+        (["room.yaml", "--out", "a.yaml", "--like", "no.yaml"], "no.yaml: no such file"),
+        (["rover", "--out", "a.yaml"], "rover: a vehicle; expected a world or a scenario"),
+    ],
+)
+def test_a_map_that_cannot_be_written_is_one_line(
+    options: list[str], problem: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("room.yaml").write_text(ROOM)
+    assert main(["world", "map", *options]) == 2
+    said = capsys.readouterr().err
+    assert problem in said
+    assert said.count("\n") == 1
+    assert not Path("a.yaml").exists()
+
+
+def test_options_of_other_files_do_not_apply_to_maps(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["world", "import", "map.yaml", "--cell-m", "1"]) == 2
+    assert "--cell-m: does not apply to map.yaml" in capsys.readouterr().err

@@ -14,10 +14,11 @@ from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import State, VehicleState, floats, packed
 from groundlink.scenario import Scenario
-from groundlink.scenario.schema import BodyPoses, GroundTruth, Vehicle
+from groundlink.scenario.schema import BodyPoses, GroundTruth, TrueMap, Vehicle
 from groundlink.scene.build import solids
 from groundlink.scene.change import with_more
-from services.physics.run.ground_truth import BodyTruth, VehicleTruth
+from groundlink.scene.true_map import true_map
+from services.physics.run.ground_truth import BodyTruth, VehicleTruth, map_truth
 from services.physics.simulation.simulation import Simulation
 from tests.services.physics.conftest import run
 
@@ -182,3 +183,29 @@ def test_bodies_of_a_changed_world_are_published_at_the_same_instants(lab: Scena
     bodies = dict(zip(told[8].names, told[8].world_from_body().tolist(), strict=True))
     assert bodies["crate"] == where
     assert list(bodies)[5] == "crate"
+
+
+def test_the_map_of_a_world_is_published_at_its_rate_and_follows_the_world(lab: Scenario) -> None:
+    asked = replace(lab, true_map=TrueMap(resolution_m=0.1, frame="map", rate_hz=100.0))
+    truth = map_truth(asked, solids(lab))
+    told = [truth.due(state(tick)) for tick in range(9)]
+    first, *others = [grid for grid in told if grid is not None]
+    assert [grid.stamp_nanos - EPOCH for grid in (first, *others)] == [0, 10**7, 2 * 10**7]
+    known = true_map(asked, solids(lab), resolution_m=0.1)
+    assert (first.frame, first.loaded_nanos, first.resolution_m) == ("map", EPOCH, 0.1)
+    assert (first.height, first.width) == known.cells.shape
+    assert first.origin_position_m == (known.grid.x_m, known.grid.y_m, 0.0)
+    assert bytes(first.cells) == known.cells.tobytes()
+    _, more = addition("barrel", at=SpawnPlace(1.0, 0.0), name=None, taken=(), ground=None)
+    changed = with_more(asked, more, (), seconds=0.0)
+    truth.change(changed, solids(changed))
+    later = [grid for tick in range(9, 13) if (grid := truth.due(state(tick))) is not None]
+    assert [grid.stamp_nanos - EPOCH for grid in later] == [3 * 10**7]
+    fresh = np.frombuffer(later[0].cells, np.int8) != np.frombuffer(first.cells, np.int8)
+    assert 24 < fresh.sum() < 50  # of a barrel with a radius of 0.29 m
+
+
+def test_a_scenario_that_asks_for_no_map_has_none(lab: Scenario) -> None:
+    truth = map_truth(lab, solids(lab))
+    truth.change(lab, solids(lab))
+    assert [truth.due(state(tick)) for tick in range(9)] == [None] * 9
