@@ -21,7 +21,7 @@ from groundlink.core.errors import UserError
 from groundlink.episode import routes
 from groundlink.loader import load
 from groundlink.ros.message_sizes import Cut, NeverFits, cut, fitting_block_deg
-from groundlink.ros.streams import answers_mistake
+from groundlink.ros.streams import TRUE_MAP_TOPIC, answers_mistake
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.rotating_lidar import RotatingLidar
 from groundlink.scenario.route import Route
@@ -76,6 +76,8 @@ def _content(scenario: Scenario) -> dict[str, Any]:
         "seed": scenario.seed,
         "vehicles": [_vehicle(scenario, vehicle) for vehicle in scenario.vehicles],
         "bodies": {"topic": bodies.topic, "rate_hz": bodies.rate_hz, "push": bodies.push},
+        "true_map": scenario.true_map
+        and {"topic": TRUE_MAP_TOPIC, "rate_hz": scenario.true_map.rate_hz, "push": True},
         "gateway": {"bind": scenario.gateway.bind, "peer": scenario.gateway.peer},
     }
 
@@ -160,6 +162,8 @@ def _lines(content: dict[str, Any]) -> Iterator[str]:
         for truth in vehicle["truth"]:
             yield f"truth    {_truth_text(truth)}"
     yield f"truth    {_truth_text(content['bodies'])}"
+    if content["true_map"]:
+        yield f"truth    {_truth_text(content['true_map'])}"
     gateway = content["gateway"]
     yield f"gateway  {gateway['bind']}, sends to {gateway['peer']}"
 

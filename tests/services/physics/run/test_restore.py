@@ -16,6 +16,7 @@ from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.messages.base import Ack, BusMessage, Command, State, WheelCommand, decode, encode
 from groundlink.scenario import Scenario
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
+from groundlink.scenario.schema import TrueMap
 from groundlink.world import assets
 from services.physics.run.episode import Episode
 from services.physics.run.publishers import Publishers, silent_publishers
@@ -115,7 +116,8 @@ def test_restored_run_continues_as_the_saved_one(scenario: Scenario, saved_tick:
 
 
 def test_all_that_is_published_afterwards_is_the_same(scenario: Scenario) -> None:
-    """Truth, vitals and bodies have schedules and sums of their own."""
+    """Truth, vitals, bodies and the map have schedules and sums of their own."""
+    scenario = replace(scenario, true_map=TrueMap(resolution_m=0.1, rate_hz=7.0))
 
     def heard() -> tuple[list[bytes], Publishers]:
         said: list[bytes] = []
@@ -128,7 +130,7 @@ def test_all_that_is_published_afterwards_is_the_same(scenario: Scenario) -> Non
             return encode(message)
 
         vehicles = {name: {"rover": publish} for name in ("truth", "wheels", "joints", "vitals")}
-        return said, Publishers(publish, publish, publish, **vehicles)
+        return said, Publishers(publish, publish, publish, publish, **vehicles)
 
     said, publish = heard()
     with episode_of(scenario, publish=publish) as episode:
