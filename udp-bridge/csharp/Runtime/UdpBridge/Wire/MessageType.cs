@@ -25,7 +25,7 @@ namespace UdpBridge
         Twist = 9,
         /// <summary>geometry_msgs/msg/PoseStamped, both ways.</summary>
         PoseStamped = 10,
-        /// <summary>nav_msgs/msg/OccupancyGrid, from ROS.</summary>
+        /// <summary>nav_msgs/msg/OccupancyGrid, both ways.</summary>
         OccupancyGrid = 11,
         /// <summary>sensor_msgs/msg/LaserScan, to ROS.</summary>
         LaserScan = 32,
