@@ -10,7 +10,7 @@ import pytest
 
 from tests.building import build_wheels, pip
 
-pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.system, pytest.mark.timeout(400)]
 
 COMMANDS = (
     "demo --duration 3",

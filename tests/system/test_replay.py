@@ -207,7 +207,9 @@ def test_a_viewer_shows_a_replay(recorded: tuple[Rig, Path, Sent]) -> None:
     with Bus(listen=it.endpoint):
         join = ("--connect", it.endpoint)
         viewer = it.start("-m", "services.view", "--save", str(shown), *join, log="view.log")
-        replaying = it.start("-m", "services.replay", str(out), *join, log="viewed.log")
+        replaying = it.start(
+            "-m", "services.replay", str(out), *join, "--factor", "2", log="viewed.log"
+        )
         assert replaying.wait(40) == 0
         assert end(viewer) == 0
     held = subprocess.run(

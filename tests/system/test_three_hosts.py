@@ -19,7 +19,7 @@ from groundlink.report.analysis.gather import RunSummary, gather
 from .hosts import Hosts, hosts
 from .rig import Observer, Rig, rig, wait_for
 
-pytestmark = [pytest.mark.system, pytest.mark.alone]
+pytestmark = pytest.mark.system
 
 NEAR = "rover/encoders"
 """The sensor that is with physics, and not on the hosts that are cut off."""
