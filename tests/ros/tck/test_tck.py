@@ -4,6 +4,7 @@
 import ast
 import json
 import os
+import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -12,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from tests.building import pip
 from tests.ros.interfaces import simulation_interfaces
 from tests.ros_domains import next_domain
 
@@ -117,3 +119,21 @@ def test_kit_depends_on_ros_and_pytest_alone() -> None:
             elif isinstance(node, ast.ImportFrom) and not node.level:
                 imported.add(str(node.module).partition(".")[0])
     assert imported - sys.stdlib_module_names == ALLOWED | MESSAGES
+
+
+def test_installed_kit_names_what_is_missing(tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    built = shutil.ignore_patterns("__pycache__", "build", "*.egg-info")
+    shutil.copytree(SOURCES.parent, source, ignore=built)
+    pip("install", "--no-deps", "--no-build-isolation", "--target", tmp_path / "kit", source)
+    done = subprocess.run(
+        [sys.executable, "-m", "simulation_interfaces_tck"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(tmp_path / "kit")},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 2, done.stdout
+    assert done.stderr.startswith("ERROR: simulation_interfaces not found. Fix: install ROS 2")
