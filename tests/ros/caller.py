@@ -28,8 +28,10 @@ SECONDS = 30.0
 
 def fields(message: Any) -> Any:
     """Return a message as JSON has it."""
+    if isinstance(message, list) or hasattr(message, "tolist"):  # or an array of numbers
+        return [fields(part) for part in message]
     if not hasattr(message, "get_fields_and_field_types"):
-        return list(message) if hasattr(message, "tolist") else message  # an array of numbers
+        return message
     return {name: fields(getattr(message, name)) for name in message.get_fields_and_field_types()}
 
 

@@ -25,7 +25,7 @@ class Caller:
         )
         assert self._line() == "ready"
 
-    def call(self, name: str, kind: str, **request: Any) -> dict[str, Any]:
+    def call(self, name: str, kind: str, /, **request: Any) -> dict[str, Any]:
         """Call a service; return the fields of the response and what the clock shows."""
         return self._told({"service": f"{self._node}/{name}", "kind": kind, "request": request})
 

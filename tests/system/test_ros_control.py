@@ -24,7 +24,9 @@ pytestmark = pytest.mark.system
 
 SUCCEEDED, CANCELLED = 4, 5
 STOPPED, PLAYING, PAUSED = range(3)
-OK, OPERATION_FAILED, UNSUPPORTED, ALREADY_SO = 1, 4, 0, 101
+UNSUPPORTED, OK, NOT_FOUND, _, OPERATION_FAILED = range(5)
+ALREADY_SO = NAME_TAKEN = 101
+ROBOT, DYNAMIC_OBJECT = 1, 4
 LOSSY = "link: {seed: 5, to_ros: {loss: 0.1}, from_ros: {loss: 0.1}}, "
 
 
@@ -32,7 +34,10 @@ LOSSY = "link: {seed: 5, to_ros: {loss: 0.1}, from_ros: {loss: 0.1}}, "
 def running(
     folder: Path, *, gateway: str = "", interfaces: Path | None = None
 ) -> Iterator[tuple[Rig, Caller]]:
-    """A run with an IMU, its gateway and the ROS node; yields the rig and a caller."""
+    """A run with an IMU, its gateway and the ROS node; yields the rig and a caller.
+
+    With `interfaces` the caller calls the services of the standard, which are at `/`.
+    """
     time_section = "time: {epoch: zero, clock_rate_hz: 400}\n"
     with rig(folder, time_section=time_section) as it:
         text = it.scenario.read_text(encoding="utf-8")
@@ -45,7 +50,7 @@ def running(
         of_run = ("--run", it.run, "--connect", it.endpoint)
         it.start("-m", "services.gateway", *of_run, log="gateway.log")
         it.start("-m", "udp_bridge_ros2", "--bind", it.address(it.peer), log="node.log")
-        caller = Caller(it.environment)
+        caller = Caller(it.environment, "/udp_bridge" if interfaces is None else "")
         try:
             wait_for(lambda: caller.clock_nanos() > 0, 30, "the clock runs in ROS")
             yield it, caller
@@ -58,7 +63,7 @@ def test_the_standard_services(tmp_path: Path, pytestconfig: pytest.Config) -> N
     kinds = "simulation_interfaces/srv/"
     with running(tmp_path, interfaces=interfaces) as (_, caller):
 
-        def result(name: str, kind: str, **request: Any) -> tuple[int, str]:
+        def result(name: str, kind: str, /, **request: Any) -> tuple[int, str]:
             answer = caller.call(name, kinds + kind, **request)["result"]
             return answer["result"], answer["error_message"]
 
@@ -84,7 +89,9 @@ def test_the_standard_services(tmp_path: Path, pytestconfig: pytest.Config) -> N
             return caller.clock_nanos()
 
         features = caller.call("get_simulator_features", kinds + "GetSimulatorFeatures")
-        assert features["features"]["features"] == [20, 21, 22, 24, 25, 26, 31, 32, 33]
+        assert features["features"]["features"] == [
+            *(*range(15), *range(20, 27), 31, 32, 33, 42, 44, 45, 50)
+        ]
 
         assert state() == PLAYING
         assert step(1)[0] == OPERATION_FAILED
@@ -115,14 +122,94 @@ def test_the_standard_services(tmp_path: Path, pytestconfig: pytest.Config) -> N
         wait_for(lambda: caller.clock_nanos() > paused_at, 10, "time goes on")
         assert (set_state(STOPPED), state()) == (OK, STOPPED)
         shows(0)
+        assert step(1)[0] == OPERATION_FAILED
         assert (set_state(PAUSED), state()) == (OK, PAUSED)
-        assert step(8) == (OK, "")
-        for scope in (0, 3, 255):
-            assert result("reset_simulation", "ResetSimulation", scope=scope) == (OK, "")
-            assert state() == PAUSED
+
+        def names(**filters: Any) -> list[str]:
+            filters = {f"filters.{name}": value for name, value in filters.items()}
+            answer = caller.call("get_entities", kinds + "GetEntities", **filters)
+            assert answer["result"]["result"] == OK, answer
+            return list(answer["entities"])
+
+        def about(name: str, kind: str, key: str, entity: str) -> Any:
+            answer = caller.call(name, kinds + kind, entity=entity)
+            assert answer["result"]["result"] == OK, answer
+            return answer[key]
+
+        def place_of(entity: str) -> list[float]:
+            found = about("get_entity_state", "GetEntityState", "state", entity)
+            assert found["header"]["frame_id"] == "world"
+            return [found["pose"]["position"][axis] for axis in "xyz"]
+
+        def spawn(x: float, y: float, **more: Any) -> tuple[int, str]:
+            place = {"initial_pose.pose.position.x": x, "initial_pose.pose.position.y": y}
+            answer = caller.call(
+                "spawn_entity",
+                kinds + "SpawnEntity",
+                **{"entity_resource.uri": "crate"},
+                **place,
+                **more,
+            )
+            return answer["result"]["result"], answer["entity_name"]
+
+        def place(entity: str, x: float, y: float, z: float) -> tuple[int, str]:
+            position = {
+                f"state.pose.position.{a}": v for a, v in zip("xyz", (x, y, z), strict=True)
+            }
+            return result(
+                "set_entity_state", "SetEntityState", entity=entity, set_pose=True, **position
+            )
+
+        assert names(filter="rover.*") == ["rover"]
+        assert spawn(-2.0, 0.5) == (OK, "crate")
+        assert spawn(-2.0, -1.0, name="crate")[0] == NAME_TAKEN
+        assert spawn(-2.0, -1.0, name="crate", allow_renaming=True) == (OK, "crate_2")
+        assert names(filter="crate(_2)?") == ["crate", "crate_2"]
+        assert place_of("crate")[:2] == [-2.0, 0.5]
+        info = about("get_entity_info", "GetEntityInfo", "info", "crate")
+        assert info["category"]["category"] == DYNAMIC_OBJECT
+        described = {"info.category.category": ROBOT, "info.tags": ["red", "heavy"]}
+        assert result("set_entity_info", "SetEntityInfo", entity="crate", **described)[0] == OK
+        assert names(**{"tags.tags": ["red"]}) == ["crate"]
+        assert about("get_entity_bounds", "GetEntityBounds", "bounds", "crate")["type"] == 1
+        x, y, z = place_of("crate")
+        assert place("crate", x - 0.3, y + 0.2, z)[0] == OK
+        assert place_of("crate") == pytest.approx([x - 0.3, y + 0.2, z], abs=1e-6)
+        states = caller.call("get_entities_states", kinds + "GetEntitiesStates")
+        assert len(states["states"]) == len(states["entities"]) == len(names())
+        assert result("delete_entity", "DeleteEntity", entity="crate_2") == (OK, "")
+        assert result("delete_entity", "DeleteEntity", entity="crate_2")[0] == NOT_FOUND
+
+        spawnables = caller.call("get_spawnables", kinds + "GetSpawnables")["spawnables"]
+        assert {"crate", "rover"} <= {row["entity_resource"]["uri"] for row in spawnables}
+        (pose,) = caller.call("get_named_poses", kinds + "GetNamedPoses")["poses"]
+        assert pose["name"] == "rover_start"
+        bounds = caller.call(
+            "get_named_pose_bounds", kinds + "GetNamedPoseBounds", name="rover_start"
+        )
+        assert (bounds["result"]["result"], bounds["bounds"]["type"]) == (OK, 1)
+        world = caller.call("get_current_world", kinds + "GetCurrentWorld")
+        assert (world["result"]["result"], world["world"]["name"]) == (OK, "lab")
+        worlds = caller.call("get_available_worlds", kinds + "GetAvailableWorlds")["worlds"]
+        assert "indoor_lab" in [row["name"] for row in worlds]
+
+        def reset(scope: int) -> int:
+            return result("reset_simulation", "ResetSimulation", scope=scope)[0]
+
+        start = place_of("rover")
+        assert step(400) == (OK, "")
+        assert place("rover", start[0] - 0.5, start[1], start[2])[0] == OK
+        assert (reset(2), place_of("rover")) == (OK, pytest.approx(start))
+        assert names(filter="crate") == ["crate"]
+        assert (reset(4), names(filter="crate")) == (OK, [])
+        shows(400 * TICK_NANOS)
+        for scope, left in ((3, ["crate"]), (0, []), (255, []), (7, [])):
+            if not names(filter="crate"):
+                assert spawn(-2.0, 0.5) == (OK, "crate")
+            assert step(8) == (OK, "")
+            assert (reset(scope), state(), names(filter="crate")) == (OK, PAUSED, left)
             shows(0)
-        for scope in (1, 2, 4):
-            assert result("reset_simulation", "ResetSimulation", scope=scope)[0] == UNSUPPORTED
+        assert reset(1) == UNSUPPORTED
         assert set_state(3) == UNSUPPORTED
 
 

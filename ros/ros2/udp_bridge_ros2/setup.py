@@ -13,7 +13,7 @@ setup(
     description="The ROS 2 end of UDP Bridge: datagrams become messages, commands go back.",
     license="Apache-2.0",
     python_requires=">=3.10",
-    packages=[NAME],
+    packages=[NAME, f"{NAME}.standard_services"],
     package_data={NAME: ["fastdds_profile.xml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),

@@ -18,7 +18,7 @@ from udp_bridge.node.bridge_node import BridgeNode, Settings
 from udp_bridge.node.diagnostics import TOPIC, DiagnosticsPublisher
 
 from . import environment
-from .services import Ros2Services
+from .services import Ros2Services, full_service_name
 from .topics import Ros2Graph, Ros2Publishers, Ros2Subscriptions
 
 MAY_BE_OTHERS = ("datagram", "allow_any_peer")
@@ -28,8 +28,9 @@ MAY_BE_OTHERS = ("datagram", "allow_any_peer")
 class Ros2Node(Node):
     """ROS 2 end of UDP Bridge.
 
-    Its parameters are those of `Settings`, and `frame_prefix`, a prefix of all published frames.
-    `use_sim_time` and `qos_overrides` work as in every node.
+    Its parameters are those of `Settings`, `frame_prefix`, a prefix of all published frames, and
+    `services_namespace`, the namespace of the services of simulation_interfaces. `use_sim_time`
+    and `qos_overrides` work as in every node.
 
     Parameters
     ----------
@@ -39,7 +40,7 @@ class Ros2Node(Node):
     Raises
     ------
     ValueError
-        When an address is invalid, or the key can't be used.
+        When an address or a namespace is invalid, or the key can't be used.
     OSError
         When an address can't be resolved or bound.
     """
@@ -58,9 +59,11 @@ class Ros2Node(Node):
             for name, default in Settings()._asdict().items()
         }
         frame_prefix = str(self.declare_parameter("frame_prefix", "").value)
+        namespace = str(self.declare_parameter("services_namespace", "/").value)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
         try:
+            full_service_name(self, namespace, "")  # raises before threads start
             self._bridge = BridgeNode(
                 *(
                     Settings(**settings),
@@ -81,7 +84,7 @@ class Ros2Node(Node):
             warn=self.get_logger().warning,
         )
         self._bridge.log_start(f"; {environment.describe(os.environ)}")
-        self._run_services = Ros2Services(self, self._bridge.command_client)
+        self._run_services = Ros2Services(self, self._bridge.command_client, namespace)
 
     def turn(self) -> None:
         """Process ROS callbacks and the requests of peers, for 0.1 s at most."""

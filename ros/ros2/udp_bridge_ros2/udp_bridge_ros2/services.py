@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS 2 services that pause, step and reset the run: simulation_interfaces, or std_srvs/Trigger.
+"""ROS 2 services that control the run: simulation_interfaces, or std_srvs/Trigger.
 
 A service call may take seconds. The services therefore have their own threads, and a second node,
-because rclpy serves the callbacks of one node in one executor. Their names are those of the
-bridge's node: `~/pause` is `/udp_bridge/pause`, in its namespace and remapped with it.
+because rclpy serves the callbacks of one node in one executor. Their names follow those of the
+bridge's node, and are remapped with it. The standard's are at `/`, as `/spawn_entity`, unless the
+parameter `services_namespace` says otherwise; `~/pause` is `/udp_bridge/pause`.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any, NamedTuple
 
 from rclpy.action.server import ActionServer, CancelResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.exceptions import InvalidServiceNameException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
@@ -30,6 +32,7 @@ class _Offer(NamedTuple):
     """Available services and actions, each as name, type and callback."""
 
     package: str
+    namespace: str
     services: list[tuple[str, Any, Callable[[Any, Any], Any]]]
     actions: list[tuple[str, Any, Callable[[Any], Any]]]
 
@@ -41,9 +44,11 @@ class Ros2Services:
     ----------
     node
         The bridge's node, which provides the names of the services.
+    namespace
+        Namespace of the standard's services; `~` is the node's name.
     """
 
-    def __init__(self, node: Node, client: RunCommandClient) -> None:
+    def __init__(self, node: Node, client: RunCommandClient, namespace: str) -> None:
         self._client = client
         self._node = Node(
             f"{node.get_name()}_services",
@@ -54,15 +59,15 @@ class Ros2Services:
             enable_rosout=False,
         )
         together = ReentrantCallbackGroup()
-        offer = _offered(node, RunControl(client))
+        offer = _offered(node, client, namespace)
         for name, kind, callback in offer.services:
-            full_name = node.resolve_service_name(f"~/{name}")
+            full_name = full_service_name(node, offer.namespace, name)
             self._node.create_service(kind, full_name, callback, callback_group=together)
         self._actions = [
             ActionServer(
                 self._node,
                 kind,
-                node.resolve_service_name(f"~/{name}"),
+                full_service_name(node, offer.namespace, name),
                 execute_callback=callback,
                 callback_group=together,
                 cancel_callback=lambda _: CancelResponse.ACCEPT,
@@ -71,9 +76,8 @@ class Ros2Services:
         ]
         if offer.services:
             names = ", ".join(name for name, *_ in (*offer.services, *offer.actions))
-            node.get_logger().info(
-                f"services of {offer.package} at {node.resolve_service_name('~')}/: {names}"
-            )
+            place = full_service_name(node, offer.namespace, "")
+            node.get_logger().info(f"services of {offer.package} at {place}: {names}")
         else:
             node.get_logger().warning(
                 "neither simulation_interfaces nor std_srvs is installed: no services"
@@ -93,23 +97,40 @@ class Ros2Services:
         self._node.destroy_node()
 
 
-def _offered(node: Node, run: RunControl) -> _Offer:
+def full_service_name(node: Node, namespace: str, name: str) -> str:
+    """Return the full name of a service, or of a namespace for an empty name.
+
+    Raises
+    ------
+    ValueError
+        When it is no name of ROS.
+    """
+    try:
+        found = node.resolve_service_name(f"{namespace.rstrip('/')}/{name or 'service'}")
+    except (InvalidServiceNameException, RuntimeError) as error:
+        raise ValueError(f"services_namespace {namespace!r}: {error}") from None
+    return str(found if name else found.removesuffix("service"))
+
+
+def _offered(node: Node, client: RunCommandClient, namespace: str) -> _Offer:
     """Return the services whose types are installed."""
     if find_spec("simulation_interfaces"):
-        from .standard_services import StandardServices
+        from .standard_services.table import StandardServices
 
-        standard = StandardServices(run)
-        return _Offer("simulation_interfaces", standard.rows(), standard.actions())
+        standard = StandardServices(client)
+        return _Offer("simulation_interfaces", namespace, standard.services(), standard.actions())
     if find_spec("std_srvs"):
         from std_srvs.srv import Trigger
 
         node.declare_parameter("step_ticks", 1)
-        filled = triggers(run, lambda: int(node.get_parameter("step_ticks").value or 0))
+        filled = triggers(
+            RunControl(client), lambda: int(node.get_parameter("step_ticks").value or 0)
+        )
         plain: list[tuple[str, Any, Callable[[Any, Any], Any]]] = [
             (name, Trigger, partial(_fill, fill)) for name, fill in filled.items()
         ]
-        return _Offer("std_srvs", plain, [])
-    return _Offer("", [], [])
+        return _Offer("std_srvs", "~", plain, [])
+    return _Offer("", "~", [], [])
 
 
 def _fill(fill: Callable[[Any], Any], _: Any, response: Any) -> Any:
