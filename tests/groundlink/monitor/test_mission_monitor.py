@@ -13,7 +13,7 @@ from groundlink.episode.mission import STUCK
 from groundlink.loader import load
 from groundlink.messages.base import BusMessage, Command, WheelCommand, encode, packed
 from groundlink.messages.ground_truth import Contact, Vitals
-from groundlink.messages.navigation import Odometry
+from groundlink.messages.navigation import JointState, Odometry
 from groundlink.monitor.mission_monitor import MissionMonitor
 from groundlink.scenario import Scenario
 
@@ -58,7 +58,8 @@ def run_of(monitor: MissionMonitor, seconds: int, command: BusMessage, epoch: in
     """Let the rover stand at a wall for some time, under commands."""
     bus = StandInBus()
     monitor.subscribe(bus, "lab")  # type: ignore[arg-type]
-    key = "rover/command/wheels" if isinstance(command, WheelCommand) else "rover/command"
+    keys = {WheelCommand: "rover/command/wheels", JointState: "rover/command/joints/**"}
+    key = keys.get(type(command), "rover/command")
     for tick in range(0, 400 * seconds, 40):
         stamp = epoch + tick * TICK_NANOS
         bus.send("rover/vitals", vitals(tick, ["wall_2"], epoch))
@@ -77,6 +78,10 @@ AHEAD = Command(0, (0.5, 0.0, 0.0), ZERO3)
         WheelCommand(
             0,
             {f"{end}_{side}_wheel": 3.0 for end in ("front", "rear") for side in ("left", "right")},
+        ),
+        JointState(
+            *(0, "", ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "gripper")),
+            *(memoryview(b""), packed(np.full(4, 3.0)), memoryview(b"")),
         ),
     ],
 )

@@ -8,7 +8,7 @@ from groundlink.bus.topics import JOINT_COMMAND, JOINTS, TRUE_WHEELS
 from groundlink.episode.journal import JointsCommanded
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.messages.base import BadBusMessage, State, floats, packed
+from groundlink.messages.base import BadBusMessage, State, decode, floats, packed
 from groundlink.messages.navigation import JointState
 from groundlink.ros.base import Bases
 from groundlink.ros.cdr import READERS, to_cdr
@@ -70,17 +70,24 @@ def test_an_episode_that_is_done_again_moves_its_joints_again(outdoors: Scenario
         assert first.command("tank", command(first.epoch_nanos + 5_000_000, turret=0.4))
         with pytest.raises(ValueError, match="no joint `door`"):
             first.command("tank", command(first.epoch_nanos, door=0.4))
+        ahead = JointState(first.epoch_nanos, "", TRACKS, NOTHING, packed(np.ones(2)), NOTHING)
+        assert first.command("tank", ahead, stream="joints/velocity_controller/commands")
         for _ in range(40):
             first.step()
         journal = first.journal()
+        speed = floats(decode(first._history[-1], State).vehicles["tank"].base_velocity)
+        assert np.hypot(*speed[:2]) > 0.05
     finally:
         first.end()
-    (entry,) = journal.read()
+    entry, of_tracks = journal.read()
     assert isinstance(entry, JointsCommanded)
     assert entry.command.stamp_nanos == 5_000_000
+    assert isinstance(of_tracks, JointsCommanded)
+    assert of_tracks.command.stamp_nanos == 0
     second = episode()
     try:
         second.replay(entry)
+        second.replay(of_tracks)
         for _ in range(40):
             second.step()
         assert second.journal().digest == journal.digest
