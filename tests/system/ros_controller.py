@@ -70,7 +70,10 @@ class Controller(Node):  # type: ignore[misc]
 
 
 class Gunner(Node):  # type: ignore[misc]
-    """Turns a turret to and fro, and raises the gun as far as the turret has turned."""
+    """Turns a turret to and fro, raises the gun as far as it has turned, and drives the tracks.
+
+    Values have no gaps, as `topic_based_ros2_control` publishes joints of several kinds.
+    """
 
     def __init__(self, longest_delay_s: float) -> None:
         super().__init__("gunner")
@@ -84,7 +87,9 @@ class Gunner(Node):  # type: ignore[misc]
             return  # the first clock of a run needs no answer
         delay(self._longest_delay_s)
         turret = math.sin(clock.clock.sec + 1e-9 * clock.clock.nanosec)
-        self._publisher.publish(JointState(name=["gun", "turret"], position=[0.2 * turret, turret]))
+        names = ["left_track", "right_track", "gun", "turret"]
+        position = [0.2 * turret, turret]
+        self._publisher.publish(JointState(name=names, velocity=[4.0, 4.0], position=position))
 
     def _take(self, joints: JointState) -> None:
         stamp = joints.header.stamp.sec + 1e-9 * joints.header.stamp.nanosec

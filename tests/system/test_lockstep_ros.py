@@ -141,9 +141,15 @@ def test_joints_follow_ros_commands_and_joint_states(tmp_path: Path) -> None:
         # It is slower than what it is told, and has gone at its top speed.
         assert turret > 0.1
         assert gun > 0.02
-        told = {row[0]: [float(word) for word in row[3:]] for row in rows if len(row) == 5}
-        assert [row[1:3] for row in rows] == [["turret", "gun"]] * len(rows)
-        assert max(told.values())[0] == pytest.approx(turret, abs=0.05)
+        told = {row[0]: [float(word) for word in row[5:]] for row in rows if len(row) == 9}
+        names = ["left_track", "right_track", "turret", "gun"]
+        assert [row[1:5] for row in rows] == [names] * len(rows)
+        left, right, turned, _ = max(told.values())
+        assert turned == pytest.approx(turret, abs=0.05)
+        # A second at 4 rad/s, after the ramp; the sprockets have a radius of 0.4 m.
+        assert left == pytest.approx(right)
+        assert left > 1.0
+        assert seen.end_m[0] == pytest.approx(0.405 * left, abs=0.15)
     assert digests[0] == digests[1]
 
 
