@@ -19,6 +19,9 @@ Twist = tuple[float, float]
 
 STANDSTILL: Twist = (0.0, 0.0)
 
+LEAST_M = 1e-9
+"""Instead of no distance, by which nothing can be divided."""
+
 
 class SkidSteering:
     """Shafts roll at v - w y k, with k the track multiplier.
@@ -127,7 +130,8 @@ class AckermannSteering:
         total = 0.0
         for (length, y), angle in zip(self._steered, angles, strict=True):
             slope = tan(angle)
-            total += slope / (length + y * slope)
+            # A single wheel may be commanded to turn about the middle of the axle.
+            total += slope / (length + y * slope or LEAST_M)
         return total / len(angles)
 
 

@@ -67,6 +67,20 @@ def test_its_wheels_lie_along_y_whatever_their_links_do(tmp_path: Path) -> None:
     assert caster.mass_kg == pytest.approx(0.08 * 14 / 3)
 
 
+def test_blocks_for_other_programs_change_nothing(tmp_path: Path) -> None:
+    block = """  <ros2_control name="cart_system" type="system">
+    <hardware><plugin>topic_based_ros2_control/TopicBasedSystem</plugin></hardware>
+    <joint name="left_wheel"><command_interface name="velocity"/></joint>
+    <joint name="no_such_joint"><command_interface name="effort"/></joint>
+  </ros2_control>
+</robot>"""
+    plain, controlled = tmp_path / "plain", tmp_path / "controlled"
+    plain.mkdir()
+    controlled.mkdir()
+    with_block = vehicle(controlled, CART.replace("</robot>", block))
+    assert with_block.model == vehicle(plain).model
+
+
 def test_its_links_are_mounts(tmp_path: Path) -> None:
     mount = vehicle(tmp_path).sensors[0].mount
     assert mount.xyz_m == pytest.approx((0.2, 0, 0.3))

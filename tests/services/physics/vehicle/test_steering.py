@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a velocity to wheels, for each kind of drive."""
 
-from math import atan, cos, hypot, radians, sin, tan
+from math import atan, cos, hypot, isfinite, radians, sin, tan
 
 import pytest
 
 from groundlink.scenario.vehicle import VehicleModel
-from services.physics.vehicle.steering import steering
-from tests.services.physics.grounds import shipped
+from services.physics.vehicle.steering import AckermannSteering, steering
+from tests.services.physics.grounds import VEHICLES, shipped
 
 SIDE_STEERED = ("rover", "decontamination_robot", "tank")
 
@@ -96,3 +96,23 @@ def test_car_ignores_turning_in_place() -> None:
         [0.0] * len(geometry.speeds((0, 0)))
     )
     assert cos(before[0]) > sin(before[0])
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+@pytest.mark.parametrize("twist", [(0.0, 0.0), (1.5, 0.0), (1.5, 0.2), (-1.0, 0.1)])
+def test_joints_that_turn_for_a_velocity_amount_to_it(
+    name: str, twist: tuple[float, float]
+) -> None:
+    geometry = steering(shipped(name))
+    angles = geometry.angles(twist)
+    speeds = geometry.speeds(twist, angles)
+    assert geometry.twist(speeds, angles) == pytest.approx(twist, abs=1e-12)
+
+
+def test_a_wheel_that_turns_about_the_middle_of_the_axle_has_a_finite_curve() -> None:
+    geometry = steering(shipped("car"))
+    assert isinstance(geometry, AckermannSteering)
+    geometry._steered = [(1.5, 1.0), (1.5, -1.0)]
+    angle = atan(-1.5)
+    assert tan(angle) == -1.5
+    assert all(map(isfinite, geometry.twist((1.0, 1.0), (angle, 0.0))))
