@@ -5,6 +5,7 @@ import dataclasses
 import random
 import struct
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,28 @@ def test_no_body_ends_the_program(number: int, exchange: Exchange) -> None:
             body[at] = rng.choice([0, 255, rng.randrange(256)])
         refused += decoded(exchange, number, bytes(body))[1] is None
     assert refused or number in {8, 9}, "these are numbers only"
+
+
+@pytest.mark.parametrize(
+    ("number", "zeros", "sequences"), [(3, 16, 1), (5, 12, 2)], ids=["bytes", "strings"]
+)
+def test_a_count_takes_no_memory_before_it_is_believed(
+    number: int, zeros: int, sequences: int, exchange: Exchange
+) -> None:
+    ahead = b"\0\1\0\0" + bytes(zeros)  # a header, and the format of an image
+    before = peak_bytes(exchange)
+    for count in (2**31 - 1, 2**28, 2**32 - 1):
+        body = ahead + struct.pack("<I", count) + bytes(100)
+        assert decoded(exchange, number, body)[1] is None
+    assert peak_bytes(exchange) - before < 100 << 20
+    assert decoded(exchange, number, ahead + bytes(4 * sequences))[1] is not None
+
+
+def peak_bytes(exchange: Exchange) -> int:
+    """Return the most memory that the program has addressed so far."""
+    status = Path(f"/proc/{exchange.process.pid}/status").read_text()
+    (kib,) = (line.split()[1] for line in status.splitlines() if line.startswith("VmPeak"))
+    return int(kib) << 10
 
 
 @pytest.mark.parametrize(

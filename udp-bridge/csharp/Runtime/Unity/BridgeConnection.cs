@@ -46,6 +46,7 @@ namespace UdpBridge.Unity
             Application.runInBackground = true;
             startNanos = Link.WallNanos - (long)(Time.timeAsDouble * 1e9);
             IPAddress address = Array.Find(Dns.GetHostAddresses(host), IsIPv4);
+            if (address == null) throw new ArgumentException("no IPv4 address of host " + host);
             bool isThisHost = IPAddress.IsLoopback(address);
             var own = new IPEndPoint(isThisHost ? IPAddress.Loopback : IPAddress.Any, ownPort);
             Link = new Link(own, new IPEndPoint(address, port),

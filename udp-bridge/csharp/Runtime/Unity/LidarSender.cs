@@ -61,9 +61,9 @@ namespace UdpBridge.Unity
             long due = pattern.FiredUntil(Time.fixedTimeAsDouble - startSeconds);
             for (; fired < due; ++fired)
             {
-                int column = (int)(fired % columns);
+                int column = (int)(fired % pattern.Columns);
                 if (column == 0 && fired > 0) Send();
-                for (int ring = 0; ring < rings; ++ring) Cast(column, ring);
+                for (int ring = 0; ring < pattern.Rings; ++ring) Cast(column, ring);
             }
         }
 
@@ -88,7 +88,7 @@ namespace UdpBridge.Unity
         // Send the turn before column `fired`.
         private void Send()
         {
-            double beganSeconds = startSeconds + pattern.Time(fired - columns);
+            double beganSeconds = startSeconds + pattern.Time(fired - pattern.Columns);
             connection.Link.Send(topic, cloud.Finish(connection.StampNanos(beganSeconds), frameId));
         }
     }
