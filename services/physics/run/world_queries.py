@@ -260,12 +260,14 @@ class WorldQueryAnswers:
         except UserError as problem:
             line = str(problem).replace(" with --at", "")
             raise QueryRefused("invalid_pose", line) from None
-        if (
-            _tilt(pose[1]) > UPRIGHT
-            and name in (view := self._view_of(episode.scenario, episode.entities.groups)).names()
-        ):
+        if _tilt(pose[1]) > UPRIGHT:
             leaning = (x, y, ground_m + above_m + base_m), pose[1]
-            self._set_motion(name, leaning, None, view)
+            try:
+                view = self._view_of(episode.scenario, episode.entities.groups)
+                self._set_motion(_known(name, view), leaning, None, view)
+            except QueryRefused:
+                self._run.change(Remove(name, tuple(more.names())))
+                raise
         return self._changed(name=name)
 
     def _pose(
@@ -296,12 +298,6 @@ class WorldQueryAnswers:
 
     def _place(self, query: PlaceQuery, view: WorldView) -> None:
         name = _known(query.name, view)
-        if (actor := view.actors.get(name)) is not None and not is_free(actor):
-            raise QueryRefused(
-                "failed",
-                f"`{name}` moves on a script and cannot be placed. Fix: remove it, and spawn it "
-                "elsewhere",
-            )
         pose, twist = None, None
         if query.position_m is not None or query.orientation is not None:
             position, orientation = self._pose_of(name, view)
@@ -325,6 +321,12 @@ class WorldQueryAnswers:
     ) -> None:
         """Set pose and velocity of an entity; None: unchanged."""
         episode = self._run.episode
+        if (actor := view.actors.get(name)) is not None and not is_free(actor):
+            raise QueryRefused(
+                "failed",
+                f"`{name}` moves on a script and cannot be placed. Fix: remove it, and spawn it "
+                "elsewhere",
+            )
         if (static := view.statics.get(name)) is not None:
             if twist is not None and twist != STILL:
                 raise QueryRefused(

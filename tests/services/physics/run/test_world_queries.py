@@ -37,6 +37,14 @@ WALKER = Actor(
     form=CrateForm(material="linoleum"),
     motion=PathMotion(points_m=((-2.0, 1.5), (2.0, 1.5))),
 )
+PACER = """
+name: pacer
+materials: {red: {}}
+actors:
+  - name: pacer
+    form: {kind: crate, material: red}
+    motion: {kind: along, points_m: [[0, 1], [1, 1]]}
+"""
 
 
 def scenario() -> Scenario:
@@ -255,6 +263,7 @@ def test_a_pose_may_be_relative_to_an_entity(run: Run) -> None:
         ("spawn", {"uri": "crate", "position_m": [6.0, 0, 0]}, "invalid_pose"),
         ("spawn", {"uri": "crate", "orientation": [0, 0, 0, 0]}, "invalid_pose"),
         ("spawn", {"uri": "crate", "frame": "nobody"}, "not_found"),
+        ("spawn", {"text": PACER, "orientation": [0.0, 0.6, 0.0, 0.8]}, "failed"),
         ("load_world", {"uri": "yard"}, "unsupported"),
         ("dance", {}, "unsupported"),
         ("remove", {}, "failed"),
