@@ -6,6 +6,7 @@ Files are those of the host of physics.
 
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +16,7 @@ from groundlink.core.errors import UserError, did_you_mean
 from groundlink.episode.world_queries import QueryRefused, SpawnableReport, WorldReport
 from groundlink.loader.additions import KINDS, content_of
 from groundlink.loader.document import ScenarioError, read
-from groundlink.loader.scenario_files import SHIPPED
+from groundlink.loader.scenario_files import SHIPPED, find_file
 from groundlink.scenario.schema import Addition, Category
 from groundlink.scene.entities import Corners, box_around, vehicle_solids
 from groundlink.world.actors import form_solids
@@ -160,14 +161,19 @@ def worlds(sources: Iterable[str]) -> tuple[list[WorldReport], list[str]]:
 
 
 def _world(file: Path, uri: str) -> WorldReport:
-    """Return what a file says of itself; nothing that it names is read."""
+    """Return what a file says of itself and of the world that it names."""
     document = read(file)
-    tags = document.at(("tags",)) or document.at(("world", "tags")) or ()
+    world = document.at(("world",))
+    if isinstance(world, str):
+        with suppress(ScenarioError):
+            world = read(find_file(world, "worlds", file.parent)).value
+    described = world if isinstance(world, dict) else {}
+    tags = document.at(("tags",)) or described.get("tags")
     return WorldReport(
         name=str(document.at(("name",)) or file.stem),
         uri=uri,
-        description=str(document.at(("description",)) or ""),
-        tags=tuple(map(str, tags)),
+        description=str(document.at(("description",)) or described.get("description", "")),
+        tags=tuple(map(str, tags)) if isinstance(tags, list) else (),
     )
 
 

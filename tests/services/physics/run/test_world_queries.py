@@ -318,9 +318,10 @@ def test_files_and_worlds_are_listed(untouched: Run, tmp_path: Path) -> None:
     assert {"rover", "car", "crate", "person", str(tmp_path / "mine.yaml")} <= found.keys()
     assert found["crate"]["low_m"] == pytest.approx([-0.2, -0.2, 0.0])
     assert answer["unknown"] == sources[1:]
-    known = {one["uri"] for one in untouched.ask("worlds")["worlds"]}
-    assert {"indoor_lab", "worlds/lab", "worlds/yard"} <= known
-    assert untouched.ask("world")["world"]["name"] == "lab"
+    known = {one["uri"]: one for one in untouched.ask("worlds")["worlds"]}
+    assert {"indoor_lab", "worlds/lab", "worlds/yard"} <= known.keys()
+    assert known["indoor_lab"]["tags"] == known["worlds/lab"]["tags"] == ["indoor"]
+    assert untouched.ask("world")["world"] == known["worlds/lab"]
 
 
 def test_named_poses_are_those_of_the_world_and_the_starts(untouched: Run) -> None:
