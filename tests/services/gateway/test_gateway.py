@@ -32,6 +32,7 @@ from groundlink.ros.types import WHEEL_ENCODERS_DEFINITION, header
 from groundlink.scenario import Scenario
 from groundlink.scenario.ros_side import FromRos, JointGroup
 from groundlink.scenario.ros_side import Stream as ExtraStream
+from groundlink.scenario.schema import TrueMap
 from services.gateway.gateway import Gateway
 from services.gateway.streams import LEASE_SECONDS, TF_MESSAGE, wire_type
 from tests.udp_bridge.vectors import VECTORS
@@ -327,6 +328,17 @@ def test_ground_truth_goes_to_subscribers_only(bench: Bench) -> None:
     }
     declared = {row.topic for row in bench.report()[0] if row.declared_hz is not None}
     assert "/ground_truth/odom" not in declared, "nobody is to miss what was not pushed"
+
+
+def test_the_true_map_goes_to_ros_if_the_scenario_asks_for_it() -> None:
+    scenario = load(SHIPPED / "indoor_lab.yaml")
+    place = type_number("OccupancyGrid"), "/ground_truth/map"
+    assert place not in Bench(scenario).gateway.topic_keys
+    bench = Bench(replace(scenario, true_map=TrueMap()))
+    assert place in bench.gateway.pushed
+    (stream,) = (s for s in bench.gateway.streams.values() if s.topic == place[1])
+    assert stream.key == f"groundlink/{RUN}/true_map"
+    assert stream.declared_hz == 1.0
 
 
 def test_a_stream_of_any_kind_is_carried() -> None:
