@@ -172,7 +172,8 @@ class Journal(Struct, frozen=True, kw_only=True):
     def remaining_scenario(self) -> Scenario:
         """Return the scenario without vehicles that were removed since tick 0."""
         changes = (entry.change for entry in self.read() if isinstance(entry, WorldChanged))
-        removed = {change.name for change in changes if isinstance(change, Remove)}
+        removals = (change for change in changes if isinstance(change, Remove))
+        removed = {name for change in removals for name in (change.name, *change.parts)}
         remaining = tuple(v for v in self.scenario.vehicles if v.name not in removed)
         return replace(self.scenario, vehicles=remaining)
 

@@ -11,14 +11,18 @@ from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
 from groundlink.episode import journal as module
-from groundlink.episode.control import Remove, Spawn
+from groundlink.episode.control import Move, Remove, Spawn
 from groundlink.episode.journal import (
     BLOCK_ENTRIES,
+    AnyEntry,
     Commanded,
+    Described,
     JointsCommanded,
     Journal,
     JournalError,
+    Placed,
     Platform,
+    StateReset,
     WheelsCommanded,
     WorldChanged,
     acting_before,
@@ -37,8 +41,11 @@ from groundlink.loader.additions import KINDS
 from groundlink.messages.base import Ack, Command, State, WheelCommand, packed
 from groundlink.messages.navigation import JointState
 from groundlink.scenario.every_sensor import UnknownSensor
+from groundlink.scenario.schema import EntityDescription
 
 SCENARIO = load(str(Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"))
+
+POSE = (1.0, 2.0, 0.5), (0.0, 0.0, 0.6, 0.8)
 
 ENTRIES = (
     Commanded(0, "rover", Command(2_500_000, (0.5, 0.0, 0.0), (0.0, 0.0, -0.25))),
@@ -48,6 +55,13 @@ ENTRIES = (
     ),
     WorldChanged(3, Spawn(KINDS["person"])),
     WorldChanged(9, Remove("person")),
+    WorldChanged(9, Remove("kit", ("kit_a", "kit_b"))),
+    WorldChanged(9, Move("kit", *POSE, {"kit_a": POSE})),
+    Placed(10, "rover", POSE, None),
+    Placed(10, "rover", None, ((0.5, 0.0, 0.0), (0.0, 0.0, 0.1))),
+    Described(11, "rover", EntityDescription(category="robot", tags=("ego",))),
+    Described(11, "rover", None),
+    StateReset(12),
 )
 
 SAVED = Journal(
@@ -195,10 +209,13 @@ def test_effective_commands_do_not_depend_on_arrival() -> None:
     assert acting_before(20, later) == (earlier, rest)
 
 
-def test_a_command_is_not_moved_beyond_a_change_of_the_world() -> None:
+@pytest.mark.parametrize(
+    "change", [WorldChanged(9, Remove("rover")), Placed(9, "rover", POSE, None), StateReset(9)]
+)
+def test_a_command_is_not_moved_beyond_a_change(change: AnyEntry) -> None:
     command = Command(40 * 2_500_000, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    removed = encode_entry(WorldChanged(9, Remove("rover")))
-    entries = (encode_entry(Commanded(5, "rover", command)), removed)
+    changed = encode_entry(change)
+    entries = (encode_entry(Commanded(5, "rover", command)), changed)
     moved = encode_entry(Commanded(9, "rover", command))
-    assert acting_before(10, entries) == ((moved, removed), ())
+    assert acting_before(10, entries) == ((moved, changed), ())
     assert acting_before(9, entries) == ((), entries)
