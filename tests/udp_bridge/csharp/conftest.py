@@ -6,14 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from .programs import LIBRARY, Exchange, compiled
+from .programs import Exchange, compiled, library_in
 
 
 @pytest.fixture(scope="session")
 def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The library without Unity, as a DLL; programs that use it are compiled beside it."""
-    out = tmp_path_factory.mktemp("csharp") / "UdpBridge.dll"
-    return compiled(out, *sorted(LIBRARY.rglob("*.cs")))
+    return library_in(tmp_path_factory.mktemp("csharp"))
 
 
 @pytest.fixture(scope="session")

@@ -124,3 +124,21 @@ def of_readme(name: str, library: Path) -> Path:
     source = library.with_name(f"{name}.cs")
     source.write_text(code.replace("7510", "0"))
     return compiled(source.with_suffix(".exe"), source, uses=(library,))
+
+
+def library_in(folder: Path) -> Path:
+    """Return the library without Unity, as a DLL; programs that use it are compiled beside it."""
+    return compiled(folder / "UdpBridge.dll", *sorted(LIBRARY.rglob("*.cs")))
+
+
+def scene_beside(library: Path) -> Path:
+    """Return a scene with each component, and the script of the guide, as a program."""
+    folder, here = library.parent, Path(__file__).with_name("unity")
+    engine = compiled(folder / "UnityEngine.dll", here / "UnityEngine.cs", strict=False)
+    components = sorted((FOLDER / "Runtime/Unity").glob("*.cs"))
+    package = compiled(folder / "UdpBridge.Unity.dll", *components, uses=(library, engine))
+    drive = folder / "Drive.cs"
+    page = (FOLDER.parents[1] / "docs/how-to/unity.md").read_text()
+    drive.write_text(page.partition("```csharp\n")[2].partition("```")[0])
+    uses = library, engine, package
+    return compiled(folder / "Scene.exe", here / "Scene.cs", drive, uses=uses, strict=False)

@@ -16,25 +16,14 @@ from udp_bridge import Link, Message
 from udp_bridge.wire.control import Subscribe
 from udp_bridge.wire.types import SUBSCRIBE
 
-from .programs import FOLDER, compiled
+from .programs import FOLDER, scene_beside
 
-ROOT = FOLDER.parents[1]
-HERE = Path(__file__).with_name("unity")
 CLOUD, IMAGE, CLOCK, TWIST = 1, 3, 8, 9
 
 
 @pytest.fixture(scope="module")
 def scene(library: Path) -> Path:
-    """A scene with each component, as a program."""
-    folder = library.parent
-    engine = compiled(folder / "UnityEngine.dll", HERE / "UnityEngine.cs", strict=False)
-    components = sorted((FOLDER / "Runtime/Unity").glob("*.cs"))
-    package = compiled(folder / "UdpBridge.Unity.dll", *components, uses=(library, engine))
-    drive = folder / "Drive.cs"
-    page = (ROOT / "docs/how-to/unity.md").read_text()
-    drive.write_text(page.partition("```csharp\n")[2].partition("```")[0])
-    uses = library, engine, package
-    return compiled(folder / "Scene.exe", HERE / "Scene.cs", drive, uses=uses, strict=False)
+    return scene_beside(library)
 
 
 class RosSide:
