@@ -132,7 +132,7 @@ class Controller:
             )
         asked = self._asked
         if isinstance(asked, CommandedJoints):
-            return self._follow_joints(asked, sim_nanos)
+            return self._follow_joints(asked, sim_nanos, angles)
         if sim_nanos - self._since_nanos > self._timeout_nanos:
             asked = self._asked = STANDSTILL
         if isinstance(asked, WheelTargets):
@@ -160,25 +160,26 @@ class Controller:
         self._joints.take(targets, self._since_nanos)
         return self._joints
 
-    def _follow_joints(self, joints: CommandedJoints, sim_nanos: int) -> WheelTargets:
+    def _follow_joints(
+        self, joints: CommandedJoints, sim_nanos: int, angles: Sequence[float]
+    ) -> WheelTargets:
         """Return the targets of commanded joints.
 
         The vehicle's velocity that the shaft speeds amount to has the same accelerations as a
-        commanded one. What is left of a shaft's speed, since it contradicts the others, acts at
-        once.
+        commanded one, and wheels roll as the present steering angles demand. What is left of a
+        shaft's speed, since it contradicts the others, acts at once.
         """
+        steering, most = self._steering, self._drive.max_wheel_speed_radps
         speeds, torques = joints.shafts(sim_nanos)
-        linear, angular = asked = self._steering.twist(speeds, joints.angles_rad)
+        asked = steering.twist(speeds, joints.angles_rad)
         self._ramped = self._next_ramped(asked)
-        missing = linear - self._ramped[0], angular - self._ramped[1]
-        most = self._drive.max_wheel_speed_radps
+        wanted = steering.speeds(asked, joints.angles_rad)
+        now = steering.speeds(self._ramped, angles)
         self._wheels = WheelTargets(
             tuple(
                 # A torque turns its shaft up to the largest speed.
-                speed - less if torque is None else copysign(most, torque)
-                for speed, torque, less in zip(
-                    speeds, torques, self._steering.speeds(missing, joints.angles_rad), strict=True
-                )
+                speed - agreed + ramped if torque is None else copysign(most, torque)
+                for speed, torque, agreed, ramped in zip(speeds, torques, wanted, now, strict=True)
             ),
             tuple(joints.angles_rad),
             torques,
