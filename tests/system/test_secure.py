@@ -20,6 +20,7 @@ from groundlink.bus.queries import (
     journal_key,
     link_key,
     scenario_key,
+    world_query_key,
 )
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import FROM_ROS, TOPICS, process_names
@@ -237,7 +238,10 @@ def test_certificate_permits_own_topics_only(running: Running, operator: Bus, ho
 
 QUERIES = {
     key: key(ELSEWHERE)
-    for key in (scenario_key, asset_key, history_key, journal_key, control_key, link_key)
+    for key in (
+        *(scenario_key, asset_key, history_key, journal_key),
+        *(control_key, world_query_key, link_key),
+    )
 } | {faults_key: faults_key(ELSEWHERE, "rover/lidar")}
 
 
@@ -263,7 +267,11 @@ def test_a_sensor_may_send_no_queries(running: Running) -> None:
         assert [r for r in gateway.get(f"{control_key(RUN)}/**", timeout=3) if r.ok]
     with running.secured.session("rover/imu") as intruder:
         assert list(intruder.get(f"{scenario_key(RUN)}/**", timeout=3))
-        for key in (control_key(RUN), faults_key(RUN, "rover/lidar"), link_key(RUN)):
+        refused = (
+            faults_key(RUN, "rover/lidar"),
+            *(key(RUN) for key in (control_key, world_query_key, link_key)),
+        )
+        for key in refused:
             assert not [r for r in intruder.get(f"{key}/**", timeout=0.5) if r.ok], key
 
 

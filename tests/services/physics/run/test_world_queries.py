@@ -198,7 +198,7 @@ def test_a_vehicle_is_placed_exactly_and_goes_on_from_there(run: Run) -> None:
     x, y, z = run.entity("rover")["position_m"]
     half = sqrt(0.5)
     pose = {"position_m": [x + 1.0, y, z + 0.3], "orientation": [0.0, 0.0, half, half]}
-    twist = {"linear_mps": [0.0, 0.5, 0.1], "angular_radps": [0.0, 0.0, 0.2]}
+    twist = {"linear_mps": [0.0, 0.5, 0.1], "angular_radps": [0.1, -0.2, 0.3]}
     answer = run.ask("place", name="rover", **pose, **twist)
     assert answer["tick"] == run.episode.tick + 1
     there = run.entity("rover")
@@ -207,6 +207,7 @@ def test_a_vehicle_is_placed_exactly_and_goes_on_from_there(run: Run) -> None:
     run.step(1)
     after = run.entity("rover")
     assert after["position_m"] == pytest.approx([x + 1.0, y + 0.5 / 400, z + 0.3], abs=3e-4)
+    assert after["linear_mps"][:2] == pytest.approx([0.0, 0.5], abs=5e-3), "nothing holds it"
     speeds = floats(run.state().vehicles["rover"].joint_velocities)
     assert 0.4 * 0.5 / 0.1651 < speeds.min(), "its wheels roll along, though motors brake them"
     run.step(400)
