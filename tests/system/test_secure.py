@@ -202,7 +202,12 @@ def test_duplicate_process_names_the_other_and_ends(
     assert len(done.stderr.splitlines()) == 1, done.stderr
 
 
-COMMANDS = {"rover/command", "rover/command/wheels", "rover/command/joints"}
+COMMANDS = {
+    "rover/command",
+    "rover/command/wheels",
+    "rover/command/joints",
+    "rover/command/joints/**",
+}
 FROM_ROS_KEYS = {row.key_in("", vehicle="rover").split("/", 2)[2] for row in FROM_ROS.values()}
 OWN: dict[str, set[str]] = {
     "rover/imu": {"rover/imu", "faults/rover/imu", "gaps/rover/imu"},
