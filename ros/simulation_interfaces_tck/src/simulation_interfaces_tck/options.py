@@ -15,6 +15,13 @@ def add_options(add: Callable[..., Any]) -> None:
         help="resource to spawn (default: the first that GetSpawnables lists)",
     )
     add(
+        "--definition",
+        metavar="FILE",
+        default="",
+        help="file that defines an entity in a format of the simulator's own: spawned as a "
+        "resource string, and broken (default: a box in URDF, SDF or MJCF)",
+    )
+    add(
         "--origin",
         nargs=3,
         type=float,

@@ -119,7 +119,12 @@ def session_scene(
 
     options = request.config.option
     scene = SimulatorScene(
-        simulator, options.spawnable, tuple(options.origin), options.spacing, options.tolerance
+        simulator,
+        options.spawnable,
+        options.definition,
+        tuple(options.origin),
+        options.spacing,
+        options.tolerance,
     )
     yield scene
     request.config.stash[_REPORT].left = scene.left

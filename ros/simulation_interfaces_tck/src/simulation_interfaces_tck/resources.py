@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Definitions of entities in the formats that the standard names: whole ones, and broken ones."""
+"""Definitions of entities: whole ones, and broken ones.
+
+They are in the formats that the standard names, or in that of a file of the user.
+"""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from .client import not_tested
 
@@ -48,20 +52,42 @@ MALFORMED = {
 SUFFIXES = {"mjcf": "xml", "usd": "usda"}
 """File name suffixes that differ from the names of the formats."""
 
-
-def well_formed(formats: Sequence[str]) -> str:
-    """Return a definition in the first supported format that is known."""
-    return WELL_FORMED[_known(formats, WELL_FORMED)]
+BROKEN = "\n{[: <broken off"
+"""Text that is well-formed in no format."""
 
 
-def malformed(formats: Sequence[str]) -> tuple[str, str]:
-    """Return a file name suffix and a broken definition in the first known format."""
-    known = _known(formats, MALFORMED)
-    return SUFFIXES.get(known, known), MALFORMED[known]
+class Definitions:
+    """Definitions that a simulator can parse, and some that it can't.
 
+    Parameters
+    ----------
+    formats
+        Those that the simulator announces, as spawn_formats.
+    file
+        A whole definition in a format of the simulator's own, or None.
+    """
 
-def _known(formats: Sequence[str], texts: dict[str, str]) -> str:
-    for name in formats:
-        if name in texts:
-            return name
-    not_tested(f"spawn_formats has none of {', '.join(texts)}")
+    def __init__(self, formats: Sequence[str], file: Path | None) -> None:
+        self._formats = formats
+        self._file = file
+
+    def whole(self) -> str:
+        """Return the user's definition, or one in the first supported format that is known."""
+        if self._file:
+            return self._file.read_text(encoding="utf-8")
+        return WELL_FORMED[self._known(WELL_FORMED)]
+
+    def broken(self) -> tuple[str, str]:
+        """Return a file name suffix and a broken definition of that format."""
+        if self._file:
+            text = self.whole()
+            return self._file.suffix, text[: len(text) // 2] + BROKEN
+        known = self._known(MALFORMED)
+        return f".{SUFFIXES.get(known, known)}", MALFORMED[known]
+
+    def _known(self, texts: dict[str, str]) -> str:
+        for name in self._formats:
+            if name in texts:
+                return name
+        listed = ", ".join(texts)
+        not_tested(f"spawn_formats has none of {listed}; name a file with --definition")

@@ -2,7 +2,9 @@
 """What clauses do to a simulator, and how it is put back: entities, state and world."""
 
 import secrets
+from collections.abc import Callable
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from simulation_interfaces.msg import Resource, Result, SimulationState, SpawnResult
@@ -23,6 +25,7 @@ from simulation_interfaces.srv import (
 
 from .client import SimulatorClient, fail, not_tested
 from .features import constants
+from .resources import Definitions
 from .shapes import pose_at, stamped
 
 OK = Result.RESULT_OK
@@ -49,6 +52,8 @@ class SimulatorScene:
         The simulator under test.
     spawnable
         URI of a resource to spawn; empty: the first that GetSpawnables lists.
+    definition
+        Path of a file that defines an entity; empty: formats of the standard.
     origin
         Where to spawn, in meters in the world frame.
     spacing
@@ -61,12 +66,16 @@ class SimulatorScene:
         self,
         simulator: SimulatorClient,
         spawnable: str,
+        definition: str,
         origin: Place,
         spacing: float,
         tolerance: float,
     ) -> None:
         self.simulator = simulator
         self.tolerance = tolerance
+        self.definitions = Definitions(
+            simulator.features.spawn_formats, Path(definition) if definition else None
+        )
         self._spawnable = spawnable
         self._origin = origin
         self._spacing = spacing
@@ -150,18 +159,32 @@ class SimulatorScene:
             return name
         not_tested("no entity is there, and none can be spawned")
 
+    def spawn_of(self, is_wanted: Callable[[int], bool]) -> str:
+        """Spawn an entity whose category is as wanted."""
+        if name := self._spawned_of(is_wanted):
+            return name
+        not_tested("no resource that can be spawned is of the category")
+
     def entity_of(self, category: int) -> str:
         """Return an entity of a category: one that is there, or a spawnable that becomes one."""
         for name in self.entities():
             if self.info_of(name).category.category == category:
                 return name
-        if "SPAWNABLES" in self.simulator.announced:
-            for spawnable in self.simulator.expect(OK, GetSpawnables).spawnables[:MOST_SPAWNABLES]:
-                name = self.spawn(entity_resource=spawnable.entity_resource)
-                if self.info_of(name).category.category == category:
-                    return name
-                self._remove_spawned()
+        if name := self._spawned_of(lambda spawned: spawned == category):
+            return name
         not_tested(f"no entity of category {category} is there or can be spawned")
+
+    def _spawned_of(self, is_wanted: Callable[[int], bool]) -> str:
+        resources = [self.resource]
+        if "SPAWNABLES" in self.simulator.announced:
+            spawnables = self.simulator.expect(OK, GetSpawnables).spawnables
+            resources += [spawnable.entity_resource for spawnable in spawnables[:MOST_SPAWNABLES]]
+        for resource in resources:
+            name = self.spawn(entity_resource=resource)
+            if is_wanted(self.info_of(name).category.category):
+                return name
+            self.remove_spawned()
+        return ""
 
     def entities(self, **filters: Any) -> list[str]:
         """Return the names of the entities; without GetEntities nothing is tested."""
@@ -252,7 +275,7 @@ class SimulatorScene:
         announced = self.simulator.announced
         if self._world is not None and self.world() is None and "WORLD_LOADING" in announced:
             self.load_again()
-        self._remove_spawned()
+        self.remove_spawned()
         for name, (state, info) in self._existing.items():
             if state is not None and "ENTITY_STATE_SETTING" in announced:
                 flags = {"set_pose": True, "set_twist": True}
@@ -264,7 +287,8 @@ class SimulatorScene:
         if self._state in (STOPPED, PLAYING, PAUSED) and "SIMULATION_STATE_SETTING" in announced:
             self.bring_to(self._state)
 
-    def _remove_spawned(self) -> None:
+    def remove_spawned(self) -> None:
+        """Remove what was spawned, if that is possible."""
         spawned, self._spawned = self._spawned, []
         if "DELETING" in self.simulator.announced:
             for name in spawned:

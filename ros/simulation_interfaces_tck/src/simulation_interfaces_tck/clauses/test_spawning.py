@@ -10,7 +10,6 @@ from simulation_interfaces.msg import Resource, SpawnResult
 
 from simulation_interfaces_tck.clause import clause
 from simulation_interfaces_tck.client import fail, not_tested
-from simulation_interfaces_tck.resources import malformed, well_formed
 from simulation_interfaces_tck.scene import OK, SimulatorScene
 from simulation_interfaces_tck.shapes import distance, pose_at, stamped, turn
 
@@ -103,8 +102,8 @@ def test_unknown_format_is_refused(scene: SimulatorScene, feature: str, tmp_path
 @clause("SpawnResult.msg: RESOURCE_PARSE_ERROR")
 def test_malformed_file_is_refused(scene: SimulatorScene, feature: str, tmp_path: Path) -> None:
     """A file of a supported format that can't be parsed is refused as that."""
-    suffix, text = malformed(scene.simulator.features.spawn_formats)
-    file = tmp_path / f"model.{suffix}"
+    suffix, text = scene.definitions.broken()
+    file = tmp_path / f"model{suffix}"
     file.write_text(text)
     resource = Resource(uri=file.as_uri())
     scene.expect_spawn(SpawnResult.RESOURCE_PARSE_ERROR, feature, entity_resource=resource)
@@ -177,7 +176,7 @@ def test_unknown_frame_is_refused(scene: SimulatorScene, feature: str) -> None:
 def test_resource_string_is_spawned(scene: SimulatorScene, feature: str) -> None:
     """A definition that comes as a string is spawned."""
     scene.simulator.need(feature)
-    text = well_formed(scene.simulator.features.spawn_formats)
+    text = scene.definitions.whole()
     name = scene.new_name()
     scene.expect_spawn(OK, feature, name=name, entity_resource=Resource(resource_string=text))
     scene.must_have(name)
@@ -187,7 +186,7 @@ def test_resource_string_is_spawned(scene: SimulatorScene, feature: str) -> None
 def test_malformed_resource_string_is_refused(scene: SimulatorScene, feature: str) -> None:
     """A string of a supported format that can't be parsed is refused as that."""
     scene.simulator.need(feature)
-    _, text = malformed(scene.simulator.features.spawn_formats)
+    _, text = scene.definitions.broken()
     resource = Resource(resource_string=text)
     code = SpawnResult.RESOURCE_PARSE_ERROR
     scene.expect_spawn(code, feature, entity_resource=resource)

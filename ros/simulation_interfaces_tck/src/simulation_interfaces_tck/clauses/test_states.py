@@ -12,7 +12,7 @@ from simulation_interfaces.srv import GetEntityState, SetEntityState
 from std_msgs.msg import Header
 
 from simulation_interfaces_tck.clause import clause
-from simulation_interfaces_tck.client import fail, not_tested
+from simulation_interfaces_tck.client import fail
 from simulation_interfaces_tck.scene import OK, PAUSED, SimulatorScene
 from simulation_interfaces_tck.shapes import distance, is_unit, pose_at, turn
 
@@ -97,13 +97,12 @@ def test_stamp_of_a_state_is_ignored(scene: SimulatorScene) -> None:
 @clause(
     "SetEntityState.srv: set_twist",
     "ENTITY_STATE_SETTING",
-    needs=["ENTITY_STATE_GETTING", "SIMULATION_STATE_PAUSE"],
+    needs=["ENTITY_STATE_GETTING", "ENTITY_INFO_GETTING", "SIMULATION_STATE_PAUSE"],
 )
 def test_twist_that_was_set_is_read_back(scene: SimulatorScene) -> None:
     """The twist changes at once; the simulation is paused, so that nothing brakes it."""
     scene.bring_to(PAUSED)
-    name = scene.entity()
-    _needs_dynamic(scene, name)
+    name = scene.spawn_of(lambda category: category != STATIC)
     state = EntityState(twist=Twist(linear=Vector3(x=0.5)))
     set_state(scene, name, OK, state, set_twist=True)
     got = scene.pose_of(name).twist.linear
@@ -171,9 +170,3 @@ def test_static_object_is_not_moved(
 ) -> None:
     """A twist or an acceleration that is not zero is refused for a static object."""
     set_state(scene, static, Result.RESULT_OPERATION_FAILED, state, **{flag: True})
-
-
-def _needs_dynamic(scene: SimulatorScene, name: str) -> None:
-    if "ENTITY_INFO_GETTING" in scene.simulator.announced:
-        if scene.info_of(name).category.category == STATIC:
-            not_tested("the entity is static; name a movable resource with --spawnable")

@@ -17,6 +17,7 @@ from simulation_interfaces.srv import (
 
 from simulation_interfaces_tck.clause import clause
 from simulation_interfaces_tck.client import fail, not_tested
+from simulation_interfaces_tck.resources import BROKEN
 from simulation_interfaces_tck.scene import OK, PAUSED, PLAYING, SPAWNERS, STOPPED, SimulatorScene
 
 NO_WORLD = SimulationState.STATE_NO_WORLD
@@ -148,7 +149,7 @@ def test_malformed_world_is_refused(scene: SimulatorScene, tmp_path: Path) -> No
     if not suffix:
         not_tested("the uri of the world does not end in a format")
     file = tmp_path / f"world{suffix}"
-    file.write_text("<{[: broken off")
+    file.write_text(BROKEN)
     code = LoadWorld.Response.RESOURCE_PARSE_ERROR
     scene.simulator.expect(code, LoadWorld, world_resource=Resource(uri=file.as_uri()))
 
@@ -169,7 +170,7 @@ def test_world_is_loaded_from_a_string(scene: SimulatorScene) -> None:
 def test_malformed_string_is_no_world(scene: SimulatorScene) -> None:
     """A string that is no world is refused as malformed, or as of no known format."""
     codes = (LoadWorld.Response.RESOURCE_PARSE_ERROR, LoadWorld.Response.UNSUPPORTED_FORMAT)
-    broken = Resource(resource_string="<{[: broken off")
+    broken = Resource(resource_string=BROKEN)
     scene.simulator.expect(codes, LoadWorld, world_resource=broken)
 
 
