@@ -62,7 +62,7 @@ STEP_NANOS = 10_000_000
 NAME = re.compile(r"\w+")
 NAMESPACE = re.compile(r"(/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*)?")
 CHARACTER_CLASSES = {"[:digit:]": "0-9", "[:alpha:]": "A-Za-z", "[:alnum:]": "A-Za-z0-9"}
-SPAWNABLES = {"toy:box": EntityCategory.CATEGORY_OBJECT, "toy:pillar": STATIC}
+SPAWNABLES = {"toy:box": EntityCategory.CATEGORY_DYNAMIC_OBJECT, "toy:pillar": STATIC}
 """Category of each resource."""
 
 

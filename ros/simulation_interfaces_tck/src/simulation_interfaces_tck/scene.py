@@ -2,7 +2,7 @@
 """What clauses do to a simulator, and how it is put back: entities, state and world."""
 
 import secrets
-from collections.abc import Callable
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -159,29 +159,30 @@ class SimulatorScene:
             return name
         not_tested("no entity is there, and none can be spawned")
 
-    def spawn_of(self, is_wanted: Callable[[int], bool]) -> str:
-        """Spawn an entity whose category is as wanted."""
-        if name := self._spawned_of(is_wanted):
+    def spawn_of(self, categories: Sequence[int]) -> str:
+        """Spawn an entity of one of the categories."""
+        if name := self._spawned_of(categories):
             return name
-        not_tested("no resource that can be spawned is of the category")
+        listed = " or ".join(map(str, categories))
+        not_tested(f"no resource is known that spawns an entity of category {listed}")
 
     def entity_of(self, category: int) -> str:
         """Return an entity of a category: one that is there, or a spawnable that becomes one."""
         for name in self.entities():
             if self.info_of(name).category.category == category:
                 return name
-        if name := self._spawned_of(lambda spawned: spawned == category):
+        if name := self._spawned_of([category]):
             return name
         not_tested(f"no entity of category {category} is there or can be spawned")
 
-    def _spawned_of(self, is_wanted: Callable[[int], bool]) -> str:
+    def _spawned_of(self, categories: Sequence[int]) -> str:
         resources = [self.resource]
         if "SPAWNABLES" in self.simulator.announced:
             spawnables = self.simulator.expect(OK, GetSpawnables).spawnables
             resources += [spawnable.entity_resource for spawnable in spawnables[:MOST_SPAWNABLES]]
         for resource in resources:
             name = self.spawn(entity_resource=resource)
-            if is_wanted(self.info_of(name).category.category):
+            if self.info_of(name).category.category in categories:
                 return name
             self.remove_spawned()
         return ""

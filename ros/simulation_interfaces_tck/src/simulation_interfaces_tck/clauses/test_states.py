@@ -18,6 +18,7 @@ from simulation_interfaces_tck.shapes import distance, is_unit, pose_at, turn
 
 NOT_FOUND = Result.RESULT_NOT_FOUND
 STATIC = EntityCategory.CATEGORY_STATIC_OBJECT
+MOVING = (EntityCategory.CATEGORY_ROBOT, EntityCategory.CATEGORY_DYNAMIC_OBJECT)
 PUSHED = Vector3(x=1.0)
 
 
@@ -102,7 +103,7 @@ def test_stamp_of_a_state_is_ignored(scene: SimulatorScene) -> None:
 def test_twist_that_was_set_is_read_back(scene: SimulatorScene) -> None:
     """The twist changes at once; the simulation is paused, so that nothing brakes it."""
     scene.bring_to(PAUSED)
-    name = scene.spawn_of(lambda category: category != STATIC)
+    name = scene.spawn_of(MOVING)
     state = EntityState(twist=Twist(linear=Vector3(x=0.5)))
     set_state(scene, name, OK, state, set_twist=True)
     got = scene.pose_of(name).twist.linear
