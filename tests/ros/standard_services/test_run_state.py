@@ -21,7 +21,7 @@ def state(served: Served) -> int:
 def test_features_are_those_of_the_services(served: Served, monkeypatch: Any) -> None:
     features = served.call("get_simulator_features").features
     assert list(features.features) == [
-        *(*range(15), *range(20, 27), 31, 32, 33, 42, 44, 45, 50),
+        *(*range(15), 20, *range(22, 27), 31, 32, 33, 42, 44, 45, 50),
     ]
     assert features.spawn_formats == ["groundlink_yaml"]
     assert len(served.services) == 20
@@ -93,6 +93,10 @@ class Goal:
         self.is_cancel_requested = False
         self.is_active = True
         self.ended = ""
+        self.feedback: list[tuple[int, int]] = []
+
+    def publish_feedback(self, message: Any) -> None:
+        self.feedback.append((message.completed_steps, message.remaining_steps))
 
     def _end(self, how: str) -> None:
         self.ended, self.is_active = how, False
@@ -110,6 +114,7 @@ def test_the_action_needs_a_paused_run_too(served: Served) -> None:
         served.simulator.state = run_state
         goal = Goal(3)
         assert (simulate(goal).result.result, goal.ended) == (code, ended)
+        assert goal.feedback == ([(1, 2), (2, 1), (3, 0)] if code == OK else [])
     assert served.simulator.tick == 43
     served.result("set_simulation_state", state__state=STOPPED)
     assert simulate(Goal(3)).result.result == FAILED

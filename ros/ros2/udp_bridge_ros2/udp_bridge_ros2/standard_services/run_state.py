@@ -74,26 +74,39 @@ class RunStateServices:
         self._run.step(request.steps)
 
     def simulate_steps(self, goal: Any) -> Any:
-        """Step with progress feedback; canceling pauses the run at once."""
+        """Step with feedback on each step; canceling pauses the run at once.
+
+        The run reports its progress several times a second, so feedback comes in bursts.
+        """
         steps = goal.request.steps
+        reported = 0
 
         def report(done: int) -> None:
+            nonlocal reported
+            while reported < done:
+                reported += 1
+                goal.publish_feedback(
+                    SimulateSteps.Feedback(
+                        completed_steps=reported, remaining_steps=steps - reported
+                    )
+                )
+
+        def report_unless_canceled(done: int) -> None:
             if goal.is_cancel_requested:
                 raise _Canceled
-            goal.publish_feedback(
-                SimulateSteps.Feedback(completed_steps=done, remaining_steps=steps - done)
-            )
+            report(done)
 
         def do() -> None:
             self._refuse_steps_if_stopped()
             try:
-                self._run.step(steps, on_progress=report)
+                self._run.step(steps, on_progress=report_unless_canceled)
             except _Canceled:
                 self._run.pause()
                 goal.canceled()
                 raise RequestRefused(
                     "RESULT_OPERATION_FAILED", "canceled; the run is paused"
                 ) from None
+            report(steps)
             goal.succeed()
 
         result = outcome(SimulateSteps.Result, do)

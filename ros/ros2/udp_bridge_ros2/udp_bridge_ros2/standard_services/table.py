@@ -23,7 +23,7 @@ from .worlds import WorldServices
 
 NOTE = (
     "A step is a tick of 2.5 ms. Changes take effect between two ticks. Time is reset together "
-    "with the state (scope 3, 7 or 255)."
+    "with the state only (scope 3, 7 or 255)."
 )
 
 
@@ -103,12 +103,8 @@ def _table(run: RunControl, queries: WorldQueries) -> tuple[list[ServiceRow], li
             "reset_simulation",
             "ResetSimulation",
             state.reset,
-            (
-                "SIMULATION_RESET",
-                "SIMULATION_RESET_TIME",
-                "SIMULATION_RESET_STATE",
-                "SIMULATION_RESET_SPAWNED",
-            ),
+            # Not SIMULATION_RESET_TIME: time is reset together with the state only.
+            ("SIMULATION_RESET", "SIMULATION_RESET_STATE", "SIMULATION_RESET_SPAWNED"),
         ),
         ServiceRow(
             "get_entities",
