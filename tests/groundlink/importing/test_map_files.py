@@ -43,7 +43,10 @@ def described(**changes: object) -> MapServerYaml:
         ({"mode": "raw"}, [0, 89, 90, 100, -1, -1, -1, -1, -1, -1]),
         ({"mode": "raw", "negate": 1}, [0, 89, 90, 100, -1, -1, -1, -1, -1, -1]),
         # Equal to a threshold counts: 51/255 is 0.2.
-        ({"negate": 1, "occupied_thresh": 0.8, "free_thresh": 0.34901962}, [0] * 2 + [-1] * 3),
+        (
+            {"negate": 1, "occupied_thresh": 0.8, "free_thresh": 0.34901962},
+            [0] * 2 + [-1] * 3 + [100],
+        ),
     ],
 )
 def test_pixels_become_the_cells_of_map_server(changes: dict[str, object], cells: list) -> None:
