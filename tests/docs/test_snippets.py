@@ -32,7 +32,7 @@ SCENARIO = {
 }
 """Scenario that parts are merged into: under the open sky, with the topics of the pages."""
 
-WRITTEN_BY_COMMANDS = ("hills.yaml", "office_world.yaml")
+WRITTEN_BY_COMMANDS = ("hills.yaml", "lab_world.yaml")
 """World files that a command of the page writes."""
 
 DEFINITIONS = json_schema("scenario")["$defs"]
