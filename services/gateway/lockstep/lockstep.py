@@ -13,6 +13,7 @@ state that sensors acknowledge. `states` has the table of states and events.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 from groundlink.bus.core_topics import GATEWAY, PHYSICS
 from groundlink.bus.inbox import BusInbox
@@ -77,10 +78,6 @@ class SensorProgress:
         """Record how far a sensor has come."""
         self._reached[name] = episode, tick
         self._left_out.discard(name)
-
-    def all_reached(self, episode: int, tick: int) -> None:
-        """Record the same tick for all sensors."""
-        self._reached = dict.fromkeys(self._names, (episode, tick))
 
     def leave_out(self, names: Iterable[str]) -> None:
         """Stop waiting for sensors until they respond again."""
@@ -182,7 +179,9 @@ class Lockstep:
             Barrier(0, -1, LIMIT_MS, (), expected_responses(scenario, gateway)), 0, []
         )
         self._replied: _Replied | None = None
-        self._status: RunStatus | None = None
+        self._physics_answer: Callable[[], object] | None = None
+        """Takes in what physics said, once all messages that came before were handled."""
+
         self._backoff, self._is_news = Backoff(0.0), True
         self._actions: dict[LockstepAction, Callable[[], object]] = {
             LockstepAction.SEND_FIRST_BARRIER: self._send_first_barrier,
@@ -218,8 +217,9 @@ class Lockstep:
             # Messages are not taken before the ROS node is there to get them.
             return inbox.get(seconds=0) if self._sent.barrier.tick >= 0 else None
         arrived = inbox.get(seconds=REPEAT_SECONDS)
-        if arrived is None and self._status is not None:
-            self._catch_up(*self._status)
+        if arrived is None and self._physics_answer is not None:
+            take_in, self._physics_answer = self._physics_answer, None
+            take_in()
         return arrived
 
     def handle(self, key: str, message: BusMessage) -> None:
@@ -272,6 +272,7 @@ class Lockstep:
             self._forwarded.clear()
             known.episode, known.commanded = clock.episode, {}
         known.tick = clock.tick
+        self._physics_answer = None  # physics has gone on since
         self._forward(key, clock)
         if behind := clock.tick % self._time.ack_ticks:
             # A restored run begins between two barriers: ROS got all of this before it was saved.
@@ -391,28 +392,34 @@ class Lockstep:
         self._acknowledge(Ack(barrier.episode, barrier.tick, barrier.tick))
 
     def _ask_physics(self) -> None:
-        self._status = self._resume(GATEWAY)
+        if status := self._resume(GATEWAY):
+            self._physics_answer = partial(self._catch_up, *status)
 
     def _ask_for_sensors(self) -> None:
-        for name in self._behind():
-            if status := self._resume(name):
-                self._sensors.reached(name, status.ack.episode, status.ack.tick)
+        acks = {name: found.ack for name in self._behind() if (found := self._resume(name))}
+
+        def take_in() -> None:
+            for name, ack in acks.items():
+                self._sensors.reached(name, ack.episode, ack.tick)
+
+        # Readings that came before the answer may still be in the inbox.
+        self._physics_answer = take_in
 
     def _catch_up(self, ack: Ack, state: State) -> None:
         """Continue where physics says that the run stands, after all received messages.
 
         The bus loses messages while this process is disconnected.
         """
-        self._status = None
         if state.tick % self._time.ack_ticks or ack.tick >= state.tick:
             return
         if state.episode == self._clock.episode and state.tick <= self._clock.tick:
             self._handle(LockstepEvent.STILL_WAITING)
             return
-        # Sensors do not repeat acknowledgements that a predecessor of this process got.
-        self._sensors.all_reached(state.episode, state.tick)
+        self._sensors.reached(PHYSICS, state.episode, state.tick)
         clock = Clock(state.stamp_nanos, state.epoch_nanos, state.tick, state.episode)
         self._handle_clock(self._clock_key, clock)
+        # Sensors do not repeat acknowledgements that a predecessor of this process got.
+        self._ask_for_sensors()
 
     def _report_wait(self) -> None:
         """Tell the user what the run has been waiting for; skip it where the scenario says so."""

@@ -161,8 +161,10 @@ def test_reset_starts_over(rig: Rig) -> None:
 def test_restarted_gateway_requests_the_status_of_physics() -> None:
     state = State(RUN, EPISODE, 0, 8, 8 * TICK_NANOS, "", {})
     it = Rig(resumed=RunStatus(Ack(EPISODE, 4, 4), state))
+    it.heard_of_sensors = Ack(EPISODE, 8, 8)
     it.turn()
     it.says(-1)
+    it.turn()
     it.turn()
     barrier = it.link.barriers[-1]
     assert (barrier.episode, barrier.tick) == (EPISODE, 8)
@@ -176,12 +178,14 @@ def stands_at(rig: Rig, tick: int, acknowledged: int) -> None:
     rig.resumed = RunStatus(Ack(EPISODE, acknowledged, acknowledged), state)
     rig.turn(FIRST_SECONDS + 0.1)
     rig.turn()
+    rig.turn()
 
 
 def test_a_clock_that_the_bus_has_lost(rig: Rig) -> None:
     rig.clock(0)
     rig.followed(0)
     rig.says(0)
+    rig.heard_of_sensors = Ack(EPISODE, 4, 4)
     stands_at(rig, 4, acknowledged=0)
     assert rig.link.barriers[-1].tick == 4
 
@@ -205,6 +209,41 @@ def test_acknowledgements_of_sensors_that_the_bus_has_lost(
     rig.clock(0)
     stands_at(rig, 0, acknowledged=-1)
     assert rig.link.barriers[-1].tick == asked
+
+
+def test_what_physics_said_is_void_after_the_next_clock() -> None:
+    it = Rig(resumed=RunStatus(Ack(EPISODE, -1, -1), State(RUN, EPISODE, 0, 0, 0, "", {})))
+    it.heard_of_sensors = Ack(EPISODE, 4, 4)
+    it.turn()
+    it.says(-1)  # physics is asked, and nothing is missing
+    it.clock(0)
+    it.followed(0)
+    it.says(0)
+    it.clock(4)
+    for _ in range(3):
+        it.turn()
+    assert it.link.barriers[-1].tick == 0, "no sensor has acknowledged tick 4"
+
+
+def test_readings_that_came_before_physics_told_of_their_sensors_precede_the_barrier(
+    rig: Rig,
+) -> None:
+    rig.clock(0)
+    rig.followed(0)
+    rig.says(0)
+    rig.clock(4)
+    rig.followed(4, *(name for name in SENSORS if name != "rover/encoders"))
+    rig.heard_of_sensors = Ack(EPISODE, 4, 4)
+    state = State(RUN, EPISODE, 0, 4, 4 * TICK_NANOS, "", {})
+    rig.resumed = RunStatus(Ack(EPISODE, 0, 0), state)
+    rig.turn(FIRST_SECONDS + 0.1)
+    rig.turn()
+    assert rig.asked_for[-1] == "rover/encoders"
+    rig.measured(4)  # it was on its way while physics answered
+    rig.turn()
+    barrier = rig.link.barriers[-1]
+    assert barrier.tick == 4
+    assert SentMessages(ENCODERS, "/wheel_encoders", 0, 1) in barrier.sent
 
 
 def test_answered_barrier_is_not_repeated() -> None:
