@@ -83,7 +83,7 @@ def encoding_only(scenario: Scenario) -> Publishers:
     def each() -> dict[str, Callable[[BusMessage], bytes]]:
         return {vehicle.name: encode for vehicle in scenario.vehicles}
 
-    return Publishers(encode, encode, encode, each(), each(), each(), each())
+    return Publishers(encode, encode, encode, encode, each(), each(), each(), each())
 
 
 def tick_us(scenario: Scenario, publishers: Publishers) -> float:

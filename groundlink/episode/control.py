@@ -10,7 +10,7 @@ from typing import Annotated
 import msgspec
 
 from groundlink.core.fields import Quaternion, Vector3
-from groundlink.scenario.schema import Addition, SolidGroup
+from groundlink.scenario.additions import Addition, SolidGroup
 
 
 class _RunCommand(msgspec.Struct, frozen=True, tag_field="wish", forbid_unknown_fields=True):

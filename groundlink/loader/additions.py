@@ -16,7 +16,8 @@ from groundlink.core.errors import UserError
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import matrix_from_quaternion, multiply
 from groundlink.importing.file_errors import Warn, ignore_warning
-from groundlink.scenario.schema import Addition, Placement, Scenario, World
+from groundlink.scenario.additions import Addition
+from groundlink.scenario.schema import Placement, Scenario, World
 from groundlink.scene.bodies import link_bodies
 from groundlink.scene.build import solids
 from groundlink.scene.spawn_checks import ground_of

@@ -15,7 +15,7 @@ from msgspec import Meta, field
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_RATE_HZ, exact
-from groundlink.core.fields import Quaternion, Spec, Vector3
+from groundlink.core.fields import Spec, Vector3
 from groundlink.world.actors import Actor
 from groundlink.world.objects.indoor_specs import Clutter, Furniture, Room
 from groundlink.world.objects.outdoor_specs import OutdoorObject
@@ -484,35 +484,3 @@ class Scenario(Spec, frozen=True, kw_only=True):
 
 
 __all__ = ["Placement", "Scenario", "Time", "Vector3", "Vehicle", "World"]
-
-
-class Addition(Spec, frozen=True):
-    """Objects to be added to the world of a run."""
-
-    solids: tuple[Solid, ...] = ()
-    actors: tuple[Actor, ...] = ()
-    vehicles: tuple[Vehicle, ...] = ()
-    materials: dict[str, Material] = field(default_factory=dict)
-    """Materials of the added objects. A material of the world with the same name takes precedence.
-    """
-
-    def names(self) -> list[str]:
-        """Return the names of the added objects."""
-        vehicles, actors = (v.name for v in self.vehicles), (a.name for a in self.actors)
-        return [*vehicles, *actors, *(solid.name for solid in self.solids)]
-
-
-class SolidGroup(Spec, frozen=True):
-    """Static solids that were spawned together, as one entity."""
-
-    name: str
-    parts: tuple[str, ...]
-    """Names of the solids."""
-
-    position_m: Vector3
-    """World from the frame of the group."""
-
-    orientation: Quaternion
-    category: Category = "static_object"
-    description: str = ""
-    tags: tuple[str, ...] = ()

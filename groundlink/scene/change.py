@@ -13,7 +13,8 @@ from msgspec.structs import replace
 
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.core.fields import Quaternion, Vector3
-from groundlink.scenario.schema import RESERVED_NAMES, Addition, Scenario
+from groundlink.scenario.additions import Addition
+from groundlink.scenario.schema import RESERVED_NAMES, Scenario
 from groundlink.scene.build import solids
 from groundlink.scene.spawn_checks import (
     actor_bodies,

@@ -19,7 +19,8 @@ from groundlink.core.frames import (
     matrix_from_quaternion,
     multiply,
 )
-from groundlink.scenario.schema import Category, Scenario, SolidGroup
+from groundlink.scenario.additions import SolidGroup
+from groundlink.scenario.schema import Category, Scenario
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.actors import Actor, FreeMotion, PersonForm
 from groundlink.world.bounds import bounds

@@ -10,7 +10,8 @@ from msgspec.structs import replace
 
 from groundlink.episode.control import Move, Spawn, WorldChange
 from groundlink.episode.world_queries import EntityReport
-from groundlink.scenario.schema import Category, EntityDescription, Scenario, SolidGroup
+from groundlink.scenario.additions import SolidGroup
+from groundlink.scenario.schema import Category, EntityDescription, Scenario
 from groundlink.scene.build import solids
 from groundlink.scene.entities import (
     Pose,
@@ -153,8 +154,6 @@ class WorldView:
         )
 
     def _described(self, name: str) -> EntityDescription:
-        if (group := self.groups.get(name)) is not None:
-            return EntityDescription(description=group.description, tags=group.tags)
         return self.scenario.world.entities.get(name, EntityDescription())
 
     def _category(self, name: str) -> Category:

@@ -29,7 +29,7 @@ from groundlink.episode.control import Spawn, WorldChange
 from groundlink.episode.journal import Journal, dumped, loaded, parts
 from groundlink.process import asset_exchange
 from groundlink.scenario import Scenario
-from groundlink.scenario.schema import Addition
+from groundlink.scenario.additions import Addition
 from groundlink.world import assets
 
 from .control import Control

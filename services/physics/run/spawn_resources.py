@@ -17,7 +17,8 @@ from groundlink.episode.world_queries import QueryRefused, SpawnableReport, Worl
 from groundlink.loader.additions import KINDS, content_of
 from groundlink.loader.document import ScenarioError, read
 from groundlink.loader.scenario_files import SHIPPED, find_file
-from groundlink.scenario.schema import Addition, Category
+from groundlink.scenario.additions import Addition
+from groundlink.scenario.schema import Category
 from groundlink.scene.entities import Corners, box_around, vehicle_solids
 from groundlink.world.actors import form_solids
 

@@ -40,13 +40,12 @@ from groundlink.episode.world_queries import (
 )
 from groundlink.loader.additions import SpawnPlace, free_name, placed
 from groundlink.loader.scenario_files import SHIPPED
+from groundlink.scenario.additions import Addition, SolidGroup
 from groundlink.scenario.schema import (
     NAMESPACE,
     RESERVED_NAMES,
-    Addition,
     EntityDescription,
     Scenario,
-    SolidGroup,
 )
 from groundlink.scene.build import solids
 from groundlink.scene.entities import (

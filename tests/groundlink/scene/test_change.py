@@ -13,7 +13,8 @@ from groundlink.core.errors import UserError
 from groundlink.loader.additions import KINDS, SpawnPlace, _placed, addition
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario import Scenario
-from groundlink.scenario.schema import Addition, Placement
+from groundlink.scenario.additions import Addition
+from groundlink.scenario.schema import Placement
 from groundlink.scene.bodies import link_bodies
 from groundlink.scene.build import solids, world_hash
 from groundlink.scene.change import with_more, without
