@@ -171,7 +171,11 @@ def test_times_of_messages_from_ros(rig: Rig) -> None:
 def test_joints_stand_in_a_recording_when_they_were_commanded_and_where_they_were(
     tmp_path: Path,
 ) -> None:
-    rig = Rig(load(SHIPPED / "outdoor_paper.yaml"), tmp_path / "run.mcap")
+    scenario = load(SHIPPED / "outdoor_paper.yaml")
+    rig = Rig(scenario, tmp_path / "run.mcap")
+    wheels = tuple(wheel.name for wheel in scenario.vehicles[0].model.wheels)
+    still = packed(np.zeros(len(wheels)))
+    of_wheels = JointState(EPOCH + 40 * TICK_NANOS, "", wheels, still, still, still)
 
     def joints(tick: int, turret: float) -> JointState:
         at = packed(np.array([turret, 0.0]))
@@ -180,6 +184,7 @@ def test_joints_stand_in_a_recording_when_they_were_commanded_and_where_they_wer
     rig.clock(0)
     rig.clock(40)
     rig.recorder.take(f"groundlink/{RUN}/tank/command/joints", joints(38, 0.5))
+    rig.recorder.take(f"groundlink/{RUN}/tank/ground_truth/wheels", of_wheels)
     rig.recorder.take(f"groundlink/{RUN}/tank/ground_truth/joints", joints(40, 0.01))
     written = rig.written()
     for topic, tick, turret in (
@@ -188,7 +193,9 @@ def test_joints_stand_in_a_recording_when_they_were_commanded_and_where_they_wer
         ("/joint_states", 40, 0.01),
     ):
         ((found, message),) = written[topic]
-        assert (found, [*message.position]) == (tick, [turret, 0.0]), topic
+        at = dict(zip(message.name, message.position, strict=True))
+        assert (found, at["turret"], at["gun"]) == (tick, turret, 0.0), topic
+    assert written["/joint_states"][0][1].name[:2] == ["left_track", "right_track"]
 
 
 def test_nothing_is_logged_before_the_recording_begins(rig: Rig) -> None:
