@@ -63,6 +63,7 @@ WORDS = {
     "scenario": SCENARIOS,
     "SCENARIO": SCENARIOS,
     "WORLD|VEHICLE|SCENARIO": Words(lambda: _shipped(*FOLDERS), files=("*.yaml",)),
+    "WORLD|SCENARIO": Words(lambda: _shipped("worlds", ""), files=("*.yaml",)),
     "VEHICLE|FILE.yaml": Words(lambda: _shipped("vehicles"), files=("*.yaml",)),
     "FILE.yaml|KIND": Words(lambda: ADDITIONS, files=("*.yaml",)),
     "FILE.yaml|FIGURE": Words(lambda: FIGURES, files=("*.yaml",)),
@@ -83,6 +84,7 @@ WORDS = {
     "REPORT.html": Words(files=("*.html",)),
     "TRIALS.html": Words(files=("*.html",)),
     "WORLD.yaml": Words(files=("*.yaml",)),
+    "MAP.yaml": Words(files=("*.yaml",)),
     "FILE.png|FILE.jpg": Words(files=("*.png", "*.jpg")),
 }
 """By the metavar of an argument, or its name."""

@@ -248,7 +248,7 @@ def _add_map(subparsers: Subparsers) -> None:
         "0.1 1.0 without one)",
     )
     parser.add_argument(
-        "--like", type=Path, metavar="OTHER.yaml", help="take the cells of another map"
+        "--like", type=Path, metavar="MAP.yaml", help="take the cells of another map"
     )
     parser.set_defaults(command=write_map)
 
