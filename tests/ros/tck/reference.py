@@ -216,8 +216,11 @@ class ReferenceSimulator:
     def _tick(self) -> None:
         if self.state == PLAYING:
             self.nanos += STEP_NANOS
+        self._clock.publish(Clock(clock=self._stamp()))
+
+    def _stamp(self) -> Time:
         seconds, nanos = divmod(self.nanos, 10**9)
-        self._clock.publish(Clock(clock=Time(sec=seconds, nanosec=nanos)))
+        return Time(sec=seconds, nanosec=nanos)
 
     def entity(self, name: str) -> Entity:
         if name not in self.entities:
@@ -309,6 +312,7 @@ class ReferenceSimulator:
 
     def get_entity_state(self, request: Any, response: Any) -> None:
         response.state = copy.deepcopy(self.entity(request.entity).state)
+        response.state.header.stamp = self._stamp()
 
     def set_entity_state(self, request: Any, _: Any) -> None:
         entity, wanted = self.entity(request.entity), request.state

@@ -208,6 +208,17 @@ class SimulatorScene:
         self.simulator.need("ENTITY_STATE_GETTING")
         return self.simulator.expect(OK, GetEntityState, entity=name).state
 
+    def nanos(self, name: str) -> int:
+        """Return the simulated time: the stamp of an entity's state, or /clock without stamps.
+
+        /clock may be published less often than there are steps.
+        """
+        if name and "ENTITY_STATE_GETTING" in self.simulator.announced:
+            stamp = self.pose_of(name).header.stamp
+            if stamp.sec or stamp.nanosec:
+                return int(stamp.sec * 10**9 + stamp.nanosec)
+        return self.simulator.clock_nanos()
+
     def info_of(self, name: str) -> Any:
         """Return the EntityInfo of an entity."""
         self.simulator.need("ENTITY_INFO_GETTING")
