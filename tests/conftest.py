@@ -33,6 +33,7 @@ LONGEST = (
     "tests/system/test_view.py",
     "tests/ros1/test_laps.py",
     "tests/system/test_ros_control.py",
+    "tests/system/test_conformance.py",
     "tests/system/test_foreign_sensor.py",
     "tests/system/test_three_hosts.py",
     "tests/docs/test_tutorials.py",

@@ -13,7 +13,7 @@ from tests.ros.interfaces import simulation_interfaces
 from .rig import REPOSITORY, rig, wait_for
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.timeout(240)]  # it may compile the messages
 
 KIT = REPOSITORY / "ros" / "simulation_interfaces_tck" / "src"
 FEATURES = 28
