@@ -28,7 +28,6 @@ RefusalCode = Literal[
     "incorrect_state",
     "failed",
     "unsupported",
-    "no_world",
 ]
 
 
@@ -144,17 +143,6 @@ class WorldsQuery(_WorldQuery, frozen=True, tag="worlds"):
     """Further folders on the host of physics to list files of."""
 
 
-class LoadWorldQuery(_WorldQuery, frozen=True, tag="load_world"):
-    """Replace the world of the run."""
-
-    uri: str = ""
-    text: str = ""
-
-
-class UnloadWorldQuery(_WorldQuery, frozen=True, tag="unload_world"):
-    """Remove the world of the run."""
-
-
 AnyWorldQuery = (
     EntitiesQuery
     | SpawnQuery
@@ -166,8 +154,6 @@ AnyWorldQuery = (
     | NamedPosesQuery
     | WorldInfoQuery
     | WorldsQuery
-    | LoadWorldQuery
-    | UnloadWorldQuery
 )
 
 

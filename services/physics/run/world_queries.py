@@ -23,7 +23,6 @@ from groundlink.episode.world_queries import (
     AnyWorldQuery,
     DescribeQuery,
     EntitiesQuery,
-    LoadWorldQuery,
     NamedPoseReport,
     NamedPosesQuery,
     PlaceQuery,
@@ -33,7 +32,6 @@ from groundlink.episode.world_queries import (
     Scope,
     SpawnablesQuery,
     SpawnQuery,
-    UnloadWorldQuery,
     WorldInfoQuery,
     WorldReport,
     WorldsQuery,
@@ -153,11 +151,6 @@ class WorldQueryAnswers:
             case WorldsQuery(sources=sources):
                 known, unknown = worlds(sources)
                 return self._now(worlds=known, unknown=unknown)
-            case LoadWorldQuery() | UnloadWorldQuery():
-                raise QueryRefused(
-                    "unsupported",
-                    "a run keeps its world. Fix: start another run, `groundlink up SCENARIO`",
-                )
 
     def _now(self, **content: object) -> Answer:
         """Return an answer about the present tick."""

@@ -57,7 +57,6 @@ def test_a_request_to_spawn_is_passed_on(served: Served, messages: Message) -> N
         ("incorrect_state", INCORRECT_STATE),
         ("unsupported", UNSUPPORTED),
         ("failed", FAILED),
-        ("no_world", FAILED),
         ("of_a_later_version", FAILED),
     ],
 )
@@ -149,8 +148,6 @@ def test_worlds(served: Served) -> None:
         *("lab", "indoor_lab", "a lab"),
         ["indoor"],
     )
-    served.simulator.refuse("world", "no_world")
-    assert served.result("get_current_world")[0] == 101
 
     answer: dict[str, Any] = {"worlds": [row, row | {"name": "yard", "tags": []}], "unknown": []}
     served.simulator.answers["worlds"] = answer

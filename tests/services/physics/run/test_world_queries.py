@@ -265,7 +265,6 @@ def test_a_pose_may_be_relative_to_an_entity(run: Run) -> None:
         ("spawn", {"uri": "crate", "orientation": [0, 0, 0, 0]}, "invalid_pose"),
         ("spawn", {"uri": "crate", "frame": "nobody"}, "not_found"),
         ("spawn", {"text": PACER, "orientation": [0.0, 0.6, 0.0, 0.8]}, "failed"),
-        ("load_world", {"uri": "yard"}, "unsupported"),
         ("dance", {}, "unsupported"),
         ("remove", {}, "failed"),
     ],

@@ -29,7 +29,6 @@ CONSTANTS = {
     "parse_error": "RESOURCE_PARSE_ERROR",
     "missing_assets": "MISSING_ASSETS",
     "invalid_pose": "INVALID_POSE",
-    "no_world": "NO_WORLD_LOADED",
 }
 """Result codes by the codes of physics."""
 
@@ -192,14 +191,6 @@ class WorldQueries:
         """Return the worlds that can be loaded, and the sources that physics doesn't know."""
         answer = self._answer("worlds", sources=list(sources))
         return _rows(WorldDescription, answer, "worlds"), _texts(answer, "unknown")
-
-    def load_world(self, uri: str, text: str) -> WorldDescription:
-        """Load another world, paused at tick 0; return it."""
-        return _row(WorldDescription, self._answer("load_world", uri=uri, text=text), "world")
-
-    def unload_world(self) -> None:
-        """Unload the world."""
-        self._answer("unload_world")
 
     def _answer(self, query: str, **fields: Any) -> dict[str, Any]:
         text = self._ask(json.dumps({"query": query, **fields}, allow_nan=False))
