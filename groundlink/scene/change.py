@@ -213,8 +213,7 @@ def _check_floor(
             return
     x_m, y_m, _ = bodies[0].position_m
     raise UserError(
-        f"`{name}` would be at {x_m:g}, {y_m:g}, outside this world. Fix: choose "
-        "another place with --at"
+        f"`{name}` would be at {x_m:g}, {y_m:g}, outside this world. Fix: choose another place"
     )
 
 
@@ -224,4 +223,4 @@ def _check_free(name: str, bodies: Sequence[Solid], there: Sequence[Solid]) -> N
         x, y, z = body.position_m
         lifted.append(replace(body, position_m=(x, y, z + RESTS_M)))
     if (other := first_overlap(lifted, there)) is not None:
-        raise UserError(f"`{name}` would be inside `{other}`. Fix: choose another place with --at")
+        raise UserError(f"`{name}` would be inside `{other}`. Fix: choose another place")

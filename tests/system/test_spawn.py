@@ -60,7 +60,7 @@ def clouds(folder: Path) -> Iterator[PointCloud]:
             assert again.returncode == 2
             assert again.stderr == (
                 f"groundlink: run `{it.run}`: `crate` would be inside `box`. Fix: choose another "
-                "place with --at\n"
+                "place\n"
             )
             step_to(it, bus, 2 * TICKS)
             done = command(it, "remove", "box")

@@ -250,8 +250,7 @@ class WorldQueryAnswers:
         except QueryRefused:
             raise
         except UserError as problem:
-            line = str(problem).replace(" with --at", "")
-            raise QueryRefused("invalid_pose", line) from None
+            raise QueryRefused("invalid_pose", str(problem)) from None
         if _tilt(pose[1]) > UPRIGHT:
             leaning = (x, y, ground_m + above_m + base_m), pose[1]
             try:

@@ -532,7 +532,7 @@ def test_control_is_delivered_whatever_its_number_and_stamp(receiver: Receiver) 
 
 def test_control_of_several_parts_or_with_a_bad_body_is_refused(receiver: Receiver) -> None:
     receiver.part(Header(64, 0, 0, 2, 0, 0), 0, 12)
-    receiver.part(Header(64, 10, 0, 1, 0, 0), 0, 12)  # its body says kind 10
+    receiver.part(Header(64, 12, 0, 1, 0, 0), 0, 12)  # its body says kind 12
     receiver.part(Header(64, 7, 0, 1, 0, 0), 0, 0)
     assert receiver.counts == {"refused": {"parts_max": 1, "body_value": 1, "body_size": 1}}
 

@@ -28,6 +28,10 @@ THREADS = 8
 """Number of concurrent calls. Only one of them steps; all others end within seconds."""
 
 
+WAKE_S = 0.5
+"""Longest wait for a call: an executor that is shut down as it begins to wait is not woken."""
+
+
 class _Offer(NamedTuple):
     """Available services and actions, each as name, type and callback."""
 
@@ -84,17 +88,24 @@ class Ros2Services:
             )
         self._executor = MultiThreadedExecutor(THREADS, context=node.context)
         self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._executor.spin, name="services", daemon=True)
+        self._is_closed = False
+        self._thread = threading.Thread(target=self._serve, name="services", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
         """Stop all threads; waiting calls fail."""
         self._client.close()
-        self._executor.shutdown()
+        self._is_closed = True
+        self._executor.wake()
         self._thread.join()
+        self._executor.shutdown()
         for action in self._actions:
             action.destroy()
         self._node.destroy_node()
+
+    def _serve(self) -> None:
+        while not self._is_closed:
+            self._executor.spin_once(timeout_sec=WAKE_S)
 
 
 def full_service_name(node: Node, namespace: str, name: str) -> str:
