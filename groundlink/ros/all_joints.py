@@ -59,7 +59,10 @@ class AllJoints:
 
     def restart(self) -> None:
         """Reset the state."""
-        self._parts: dict[str, JointState] = {}
+        self._parts: dict[int, dict[str, JointState]] = {}
+        """Messages of ground truth by instant and role. They come in any order across roles, and
+        those of two instants may be mixed."""
+
         self._truths: deque[_TrueJoints] = deque(maxlen=WAITING)
         self._readings: deque[tuple[int, JointState | None]] = deque(maxlen=WAITING)
 
@@ -77,23 +80,25 @@ class AllJoints:
         if role == "encoders":
             self._readings.append((nanos, message))
         else:
-            self._parts[role] = message
-            self._complete_truth(nanos)
+            self._add_truth(role, message, nanos)
         while self._readings and self._truths and self._truths[-1].nanos >= self._readings[0][0]:
             at, reading = self._readings.popleft()
             if self._truths[0].nanos <= at:
                 stamp_nanos = at if reading is None else reading.stamp_nanos
                 yield at, self._joined(stamp_nanos, self._true_rows(at), reading)
 
-    def _complete_truth(self, nanos: int) -> None:
-        """Keep the ground truth of an instant if all of its messages have come."""
-        parts = self._parts.values()
-        if len(parts) < self._needed or any(part.stamp_nanos != nanos for part in parts):
-            return
+    def _add_truth(self, role: str, message: JointState, nanos: int) -> None:
+        """Take a message of ground truth; keep that of its instant once all of it has come."""
         if self._truths and nanos < self._truths[-1].nanos:
             self.restart()  # Time jumped back, as in a replay that loops.
+        parts = self._parts.setdefault(nanos, {})
+        parts[role] = message
+        if len(parts) < self._needed:
+            return
+        # What came of earlier instants stays incomplete: its other messages were lost.
+        self._parts = {at: later for at, later in self._parts.items() if at > nanos}
         rows = np.full((3, len(self._places)), np.nan)
-        for part in parts:
+        for part in parts.values():
             places = [self._places[name] for name in part.names]
             for row, values in enumerate((part.positions, part.velocities, part.efforts)):
                 if len(values):

@@ -269,6 +269,16 @@ def test_without_encoders_states_are_those_of_ideal_sensors() -> None:
     assert topic.declared_hz == made.vehicles[0].ground_truth.rate_hz
 
 
+def test_messages_of_two_instants_may_be_mixed() -> None:
+    made = scenario(FromRos(joints="/joint_commands"))
+    base = Base(made, made.vehicles[0], RUN)
+    wheels = tuple(wheel.name for wheel in made.vehicles[0].model.wheels)
+    rows: list[tuple[str, Any]] = [("wheels", truth(i, wheels, 1.0, 4.0)) for i in range(3)]
+    rows += [("joints", truth(i, STEERING, 0.2, 0.0)) for i in (0, 2)]  # one is lost
+    found = [each for role, row in rows for each in base.receive(base.keys[role], row)]
+    assert [each.nanos for each in found] == [0, 2]
+
+
 def test_a_joint_state_has_the_key_of_all_joints() -> None:
     stream = incoming(scenario(FromRos(joints="/joint_commands")), RUN)[-1]
     assert stream.key == JOINT_COMMAND.key_in(RUN, vehicle="robot")
