@@ -3,7 +3,7 @@
 
 SCENARIO ?= scenarios/indoor_lab.yaml
 DURATION ?=
-# How often a failed test of the running system is repeated before it counts as failed.
+# How often a failed test is repeated before it counts as failed.
 RERUNS ?= 0
 REPORT ?=
 
@@ -35,7 +35,7 @@ test: setup ## run all tests that need no Docker engine, in three stages; a fail
 	@$(MAKE) --no-print-directory --keep-going test-units test-system test-alone
 
 test-units: setup ## run unit tests, import contracts, style and type checks
-	@$(PYTEST) -m "not system and not stack" --numprocesses=auto --dist=loadfile \
+	@$(PYTEST) -m "not system and not stack" --reruns=$(RERUNS) --numprocesses=auto --dist=loadfile \
 		--no-loadscope-reorder
 
 environments: setup ## install third-party programs that tests of the experiments need
