@@ -9,7 +9,7 @@ import pytest
 
 from groundlink.world.assets import VARIABLE
 
-pytest_plugins = ["tests.strict_skips", "tests.machine_load"]
+pytest_plugins = ["tests.strict_skips", "tests.machine_load", "tests.reruns"]
 
 # An example that takes long on a busy machine is not a wrong one.
 hypothesis.settings.register_profile("groundlink", deadline=None)

@@ -38,7 +38,7 @@ def test_a_failure_on_an_idle_machine_stays_one() -> None:
 
 
 def test_what_our_own_programs_take_is_not_that_of_others() -> None:
-    """A child counts while it episodes and after it was waited for."""
+    """A child counts while it runs and after it was waited for."""
     begun = Usage()
     pipe = subprocess.PIPE
     with subprocess.Popen([sys.executable, "-c", BURN], stdin=pipe, stdout=pipe) as child:
