@@ -101,11 +101,11 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
 
 
 @pytest.fixture(scope="module")
-def recording(installed: Installed) -> Path:
+def recording(installed: Installed, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the recording of a run through ROS 2, in which an observer saw the field."""
     pytest.importorskip("rclpy", reason="no ROS 2 here")
-    file = installed.folder / "run.mcap"
-    heard = installed.folder / "heard.txt"
+    folder = tmp_path_factory.mktemp("run")
+    file, heard = folder / "run.mcap", folder / "heard.txt"
     with heard.open("w") as output:
         observer = subprocess.Popen(
             [sys.executable, "-c", OBSERVER], stdout=output, env=installed.environment
@@ -113,9 +113,14 @@ def recording(installed: Installed) -> Path:
     try:
         wait_for(lambda: "ready" in heard.read_text(), 30, "the observer is ready")
         endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
-        installed.groundlink(
+        done = installed.tried(
             *("up", installed.scenario, "--duration", 3, "--record", file, "--listen", endpoint)
         )
+        # A busy machine may keep no rate, but everything is recorded and the field is heard.
+        said = done.stdout + done.stderr
+        assert done.returncode in (0, 1), said
+        assert f"recorder: wrote {file}" in said
+        wait_for(lambda: len(heard.read_text().splitlines()) > 1, 10, f"the field is heard: {said}")
     finally:
         observer.kill()
         observer.wait(10)
