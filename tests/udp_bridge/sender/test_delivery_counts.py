@@ -61,6 +61,7 @@ def test_what_was_sent_is_in_flight_until_it_is_reported(counter: DeliveryCounte
 
 def test_unreported_messages_are_missing_after_a_while(counter: DeliveryCounter) -> None:
     send(counter, 10)
+    counter.reported("/other", report(1), WALL)
     assert row(counter).missing == 0
     send(counter, 5)
     assert row(counter, SETTLED_NANOS).missing == 10
@@ -68,6 +69,12 @@ def test_unreported_messages_are_missing_after_a_while(counter: DeliveryCounter)
     counter.reported("/imu", report(12, published=11, pending=1), WALL)  # it took long
     found = row(counter, SETTLED_NANOS)
     assert (found.missing, found.delivered, found.in_flight) == (0, 11, 1 + 3)
+
+
+def test_nothing_is_missing_at_a_receiver_without_reports(counter: DeliveryCounter) -> None:
+    send(counter, 10)
+    row(counter)
+    assert row(counter, SETTLED_NANOS).in_flight == 10
 
 
 def test_counts_of_a_restarted_receiver_are_added(counter: DeliveryCounter) -> None:

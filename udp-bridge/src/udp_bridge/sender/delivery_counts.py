@@ -42,7 +42,7 @@ class DeliveryCounts(NamedTuple):
     incomplete: int
     late: int
     missing: int
-    """Messages that the receiver did not report in time."""
+    """Messages that a receiver with reports did not report in time."""
     in_flight: int
     """Messages on the way, being reassembled, queued at the receiver, or not reported yet."""
     repaired: int
@@ -111,7 +111,8 @@ class _TopicCounter:
         self.report, self.reported_nanos = report, reported_nanos
         self.end = max(self.end, first + report.numbers)
 
-    def counts(self, key: TopicKey) -> DeliveryCounts:
+    def counts(self, key: TopicKey, *, is_settled: bool) -> DeliveryCounts:
+        """Return the counts; without `is_settled` what was not reported is in flight."""
         sums = dict(self.before)
         pending = 0
         if self.report is not None:
@@ -119,7 +120,7 @@ class _TopicCounter:
             for name in _SUMMED:
                 sums[name] += getattr(self.report, name)
         settled = sums["published"] + sums["dropped"] + sums["incomplete"] + sums["late"]
-        in_flight = pending + max(0, self.sent - max(self.end, self.settled))
+        in_flight = pending + max(0, self.sent - max(self.end, self.settled if is_settled else 0))
         # A message that was resent or duplicated may be counted again by a restarted receiver.
         excess = max(0, settled + in_flight - self.sent)
         for name in ("incomplete", "late", "dropped", "published"):
@@ -154,6 +155,7 @@ class DeliveryCounter:
     def __init__(self, *, signed_peer: bool = False) -> None:
         self._modulus = SIGNED_SEQ_NUMBERS if signed_peer else SEQ_NUMBERS
         self._topics: OrderedDict[TopicKey, _TopicCounter] = OrderedDict()
+        self._is_reported = False  # A receiver may send no reports: nothing is missing then.
 
     def next_number(self, key: TopicKey, stamp_nanos: int, size: int) -> int:
         """Count a message with a body of `size` bytes; return its seq_number."""
@@ -174,6 +176,7 @@ class DeliveryCounter:
 
     def reported(self, topic: str, report: TopicReport, reported_nanos: int) -> None:
         """Take a report; `reported_nanos` is the receiver's wall clock."""
+        self._is_reported = True
         counter = self._topics.get((report.msg_type, topic))
         if counter is not None and counter.sent:
             counter.take(report, reported_nanos)
@@ -186,7 +189,8 @@ class DeliveryCounter:
         """Return the counts of all topics; call it about once a second."""
         for counter in self._topics.values():
             counter.mark(now_nanos)
-        return [counter.counts(key) for key, counter in self._topics.items()]
+        is_settled = self._is_reported
+        return [counter.counts(key, is_settled=is_settled) for key, counter in self._topics.items()]
 
     def _add(self, key: TopicKey, stamp_nanos: int) -> _TopicCounter:
         if len(self._topics) >= MAX_TOPICS:

@@ -9,6 +9,7 @@ namespace UdpBridge
     {
         private readonly Dictionary<TopicName, TopicCounter> topics
             = new Dictionary<TopicName, TopicCounter>();
+        private bool isReported;  // A receiver may send no reports: nothing is missing then.
 
         internal uint NextNumber(Waiting message)
         {
@@ -22,6 +23,7 @@ namespace UdpBridge
 
         internal void Reported(string topic, TopicReport report, long reportedNanos)
         {
+            isReported = true;
             TopicCounter counter;
             if (topics.TryGetValue(new TopicName(report.Type, topic), out counter))
             {
@@ -34,7 +36,7 @@ namespace UdpBridge
             var all = new List<DeliveryCounts>();
             foreach (KeyValuePair<TopicName, TopicCounter> topic in topics)
             {
-                DeliveryCounts counts = topic.Value.Counts(topic.Key, nowNanos);
+                DeliveryCounts counts = topic.Value.Counts(topic.Key, nowNanos, isReported);
                 if (Wire.HasRosType((byte)topic.Key.Type)) all.Add(counts);
             }
             return all;

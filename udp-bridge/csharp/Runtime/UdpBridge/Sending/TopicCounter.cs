@@ -52,13 +52,14 @@ namespace UdpBridge
             end = Math.Max(end, first + (long)newest.Numbers);
         }
 
-        internal DeliveryCounts Counts(TopicName topic, long nowNanos)
+        // Without isSettled what was not reported is in flight.
+        internal DeliveryCounts Counts(TopicName topic, long nowNanos, bool isSettled)
         {
             Settle(nowNanos);
             var sums = (long[])before.Clone();
             if (report != null) Add(report, sums);
             long inFlight = (report == null ? 0 : (long)report.Pending)
-                + Math.Max(0, sent - Math.Max(end, settled));
+                + Math.Max(0, sent - Math.Max(end, isSettled ? settled : 0));
             long counted = inFlight;
             for (int i = 0; i < 4; ++i) counted += sums[i];
             // What a receiver gave up at its end, the next one may have completed.
