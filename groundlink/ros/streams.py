@@ -38,6 +38,8 @@ from groundlink.scenario.ros_side import Stream
 from groundlink.scenario.rotating_lidar import RotatingLidar
 from groundlink.scenario.schema import Vehicle
 
+from .node_graph import graph_mistake
+
 CLOCK_TOPIC = "/clock"
 TF_TOPIC = "/tf"
 TF_STATIC_TOPIC = "/tf_static"
@@ -190,8 +192,11 @@ def incoming(scenario: Scenario, run: str) -> list[RosStream]:
 
 
 def answers_mistake(scenario: Scenario) -> str:
-    """Return the mistake in `answers`: a topic that ROS does not receive; empty for none."""
+    """Return the mistake in `answers` or `nodes`, such as an unknown topic; empty for none."""
     known = {stream.topic for stream in outgoing(scenario, "") if stream.push}
+    if scenario.time.nodes:
+        mistake = graph_mistake(scenario.time.nodes, known)
+        return f"`time.nodes`: {mistake}" if mistake else ""
     for topic, of in scenario.time.answers.items():
         if of not in known:
             return (

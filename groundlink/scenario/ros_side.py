@@ -129,6 +129,37 @@ class FromRos(Spec, frozen=True):
         return [*(topic for topic in named if topic is not None), *self.joint_groups, *self.topics]
 
 
+RosTopics = Annotated[tuple[RosTopic, ...], Meta(min_length=1)]
+
+
+class RosNode(Spec, frozen=True, kw_only=True):
+    """A ROS node, or one of several rules by which a node publishes."""
+
+    name: Name
+    """Name of the node. Rules of one node have the same name."""
+
+    consumes: RosTopics
+    """Topics that the node subscribes to and answers, each published by another node of the list or
+    sent to ROS by the gateway."""
+
+    publishes: RosTopics
+    """Topics on which the node publishes one message as its answer. One node publishes a topic."""
+
+    every: Annotated[int, Meta(ge=1, le=254)] = 1
+    """The node answers every n-th message of each input."""
+
+    joins: bool = False
+    """The node answers once for each stamp that all its inputs have, as the exact synchronizers of
+    message_filters do. Messages without a header count by their number on their topic."""
+
+    def __post_init__(self) -> None:
+        if self.joins and (self.every > 1 or len(self.consumes) < 2):
+            raise ValueError(
+                f"node `{self.name}`: `joins` needs at least two topics in `consumes` and no "
+                "`every`"
+            )
+
+
 class TfTree(Spec, frozen=True):
     """Transforms of the vehicle's tf tree that the gateway publishes, beside the sensor mounts."""
 

@@ -24,7 +24,7 @@ from groundlink.world.terrain import Terrain
 from groundlink.world.weather import Lamps, Sun, Weather
 
 from .every_sensor import Frame, FramePrefix, Name, Rate, RosTopic, SensorSpec
-from .ros_side import FromRos, GatewaySettings, Stream, TfTree
+from .ros_side import FromRos, GatewaySettings, RosNode, Stream, TfTree
 from .route import Route
 from .sensor_kinds import sensor_union
 from .vehicle import VehicleModel
@@ -322,6 +322,9 @@ from the digits of a stamp. A stamp of 0 is unsuitable, since tf reads it as "th
 in the past cannot be mistaken for the date of the recording."""
 
 
+DEFAULT_ANSWERS = {"/cmd_vel": "/clock"}
+
+
 class Time(Spec, frozen=True):
     """Clock of a run: mode, lockstep participants, and epoch of the stamps."""
 
@@ -360,11 +363,17 @@ class Time(Spec, frozen=True):
     """Largest lead of physics over the slowest process that it waits for. At least a period of the
     clock, since gateway and recorder report their progress with each clock message."""
 
-    answers: dict[RosTopic, RosTopic] = field(default_factory=lambda: {"/cmd_vel": "/clock"})
+    answers: dict[RosTopic, RosTopic] = field(default_factory=DEFAULT_ANSWERS.copy)
     """With `lockstep: ros`: each key is a topic on which ROS answers, and its value the topic that
     it answers, one message for each message. Sim time advances after the answers."""
 
+    nodes: tuple[RosNode, ...] = ()
+    """With `lockstep: ros`, instead of `answers`: the nodes of a graph in ROS. The messages of an
+    instant are published one at a time, each after all nodes have answered the one before."""
+
     def __post_init__(self) -> None:
+        if self.nodes and self.answers not in ({}, DEFAULT_ANSWERS):
+            raise ValueError("`answers` and `nodes` are both given. Fix: keep one")
         if isinf(self.factor):
             raise ValueError("`factor` is infinite. Fix: use `mode: fast`, which has no pace")
         if not isfinite(self.deadline_s):

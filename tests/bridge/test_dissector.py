@@ -161,10 +161,11 @@ BODIES: list[tuple[int, bytes, str, dict[str, object]]] = [
             -1,
             500,
             (SentMessages(36, "/odóm", 2**32 - 1, 2),),
-            (ExpectedResponse("/cmd_vel", "/clock", 9),),
+            (ExpectedResponse("/cmd_vel", "/clock", 9, 3),),
+            in_turn=True,
         ).pack(),
         "barrier",
-        {"topics": 1, "responses": 1, "limit": 500, "episode": 2**64 - 1, "tick": -1},
+        {"topics": 1, "responses": 1, "in_turn": 1, "limit": 500, "episode": 2**64 - 1, "tick": -1},
     ),
     (
         CONTROL,
@@ -281,7 +282,7 @@ def test_the_ranges_of_a_barrier_are_shown(tmp_path: Path) -> None:
     assert fields["sent.msg_type"] == "36"
     assert fields["sent.topic"] == "/odóm"
     assert (fields["sent.first"], fields["sent.messages"]) == (str(2**32 - 1), "2")
-    assert fields["response.msg_type"] == "9"
+    assert (fields["response.msg_type"], fields["response.every"]) == ("9", "3")
     assert (fields["response.topic"], fields["response.of"]) == ("/cmd_vel", "/clock")
 
 

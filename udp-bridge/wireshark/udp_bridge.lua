@@ -131,6 +131,7 @@ local BARRIER = layout("barrier", {
     size = 24,
     {1, 1, "topics", u8, "Topics with messages"},
     {2, 1, "responses", u8, "Expected responses"},
+    {3, 1, "in_turn", u8, "One message at a time"},
     {4, 4, "limit", u32, "Time to wait for missing messages, in ms"},
     {8, 8, "episode", u64, "Episode of the run"},
     {16, 8, "tick", stamp64, "Tick (-1: before the first)"},
@@ -213,6 +214,7 @@ field("sent.topic", ProtoField.string, "Topic", base.UNICODE)
 field("response.msg_type", u8, "Type of the responses (0: any)", base.DEC, TYPE_NAMES)
 field("response.topic", ProtoField.string, "Responses on", base.UNICODE)
 field("response.of", ProtoField.string, "each message on", base.UNICODE)
+field("response.every", u8, "of every n-th message (255: of each stamp)")
 field("run_command_reply.error", ProtoField.string, "Error", base.UNICODE)
 field("world_text.packed", ProtoField.bytes, "Compressed text")
 field("world_text.text", ProtoField.string, "Text", base.UNICODE)
@@ -570,6 +572,7 @@ local function show_listed(body, responses, tree)
     for _, place in ipairs(due) do
         local name = place[1] + 4
         tree:add(fields["response.msg_type"], body(place[1], 1))
+        tree:add(fields["response.every"], body(place[1] + 3, 1))
         tree:add_packet_field(fields["response.topic"], body(name, place[2]), ENC_UTF_8)
         tree:add_packet_field(fields["response.of"], body(name + place[2], place[3]), ENC_UTF_8)
     end

@@ -22,6 +22,7 @@ from groundlink.core.backoff import Backoff
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
 from groundlink.messages.base import Ack, BusMessage, Clock, Command, Reading, State, measured_nanos
+from groundlink.ros.node_graph import answers
 from groundlink.ros.streams import answers_mistake
 from groundlink.scenario import Scenario
 from services.gateway.bus_session import RunStatus
@@ -31,6 +32,7 @@ from udp_bridge.receiver.barrier_buffer import AnnouncedCounts
 from udp_bridge.sender.repair import Resend
 from udp_bridge.wire.lockstep import (
     DONE,
+    JOINED,
     RESTARTED,
     Barrier,
     BarrierReply,
@@ -176,7 +178,12 @@ class Lockstep:
         self._now = 0.0
         self._clock, self._wait = _Clock(), _Wait()
         self._sent = _SentBarrier(
-            Barrier(0, -1, LIMIT_MS, (), expected_responses(scenario, gateway)), 0, []
+            Barrier(
+                *(0, -1, LIMIT_MS, ()),
+                expected_responses(scenario, gateway),
+                in_turn=bool(scenario.time.nodes),
+            ),
+            *(0, []),
         )
         self._replied: _Replied | None = None
         self._physics_answer: Callable[[], object] | None = None
@@ -327,7 +334,7 @@ class Lockstep:
         assert due is not None
         messages, self._forwarded = self._forwarded, []
         sent, before = self._newly_sent(), self._sent
-        barrier = Barrier(due.episode, due.tick, LIMIT_MS, sent, before.barrier.responses)
+        barrier = before.barrier._replace(episode=due.episode, tick=due.tick, sent=sent)
         self._sent = _SentBarrier(
             *(barrier, due.stamp_nanos, messages, self._now), resent_seconds=before.resent_seconds
         )
@@ -458,11 +465,19 @@ def expected_responses(scenario: Scenario, gateway: Gateway) -> tuple[ExpectedRe
     Raises
     ------
     UserError
-        when one of them answers a topic that is not sent to ROS.
+        when one of them answers a topic that is neither sent to ROS nor published there.
     """
     if mistake := answers_mistake(scenario):
         raise UserError(mistake)
     types = {each.topic: each.msg_type for each in gateway.subscriptions}
+    if scenario.time.nodes:
+        return tuple(
+            ExpectedResponse(
+                *(each.topic, each.of, types.get(each.topic, 0)),
+                every=JOINED if each.is_joined else each.every,
+            )
+            for each in answers(scenario.time.nodes)
+        )
     return tuple(
         ExpectedResponse(topic, of, types.get(topic, 0))
         for topic, of in scenario.time.answers.items()

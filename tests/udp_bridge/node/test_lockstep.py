@@ -10,6 +10,7 @@ import pytest
 from udp_bridge import Message
 from udp_bridge.node import lockstep
 from udp_bridge.node.lockstep import GIVE_UP_S, SETTLE_S, BarrierResponder
+from udp_bridge.node.subscriptions import RosSample
 from udp_bridge.wire import control
 from udp_bridge.wire.lockstep import (
     DONE,
@@ -26,6 +27,12 @@ GATEWAY = ("127.0.0.1", 7510)
 EPISODE = 77
 ODOM, CLOCK, TWIST = map(type_number, ("Odometry", "Clock", "Twist"))
 ANSWERS = (ExpectedResponse("/cmd_vel", "/odom", TWIST),)
+GRAPH = (
+    ExpectedResponse("/filtered", "/odom"),
+    ExpectedResponse("/cmd_vel", "/filtered", TWIST),
+    ExpectedResponse("/beat", "/clock"),
+)
+SAMPLE = RosSample("", None, b"")
 
 
 class StandIn:
@@ -50,9 +57,10 @@ class StandIn:
     def has_publisher(self, topic: str) -> bool:
         return True
 
-    has_subscriber = has_publisher
+    def has_subscriber(self, topic: str, is_own: bool) -> bool:
+        return True
 
-    def listen(self, topic: str, take: Callable[[], object]) -> object:
+    def listen(self, topic: str, take: Callable[[RosSample], object]) -> object:
         return self
 
     def prepare(self, message: Message, sender: Any) -> bool:
@@ -93,7 +101,15 @@ class Rig:
             ros, ros, ros, log=ros, wake=lambda: None, drop=lambda *_: None
         )
 
-    def told(self, tick: int, first: int, *, come: bool = True) -> None:
+    def told(
+        self,
+        tick: int,
+        first: int,
+        *,
+        come: bool = True,
+        responses: tuple[ExpectedResponse, ...] = ANSWERS,
+        in_turn: bool = False,
+    ) -> None:
         """Hear a Barrier that tells of an odometry and a clock with this number."""
         rows = () if tick < 0 else ((ODOM, "/odom"), (CLOCK, "/clock"))
         if come:
@@ -101,7 +117,7 @@ class Rig:
                 message = Message(kind, topic, "", tick, first, b"\0\1\0\0")
                 self.half.holds(message, GATEWAY)
         sent = tuple(SentMessages(kind, topic, first, 1) for kind, topic in rows)
-        self._barrier = Barrier(EPISODE, tick, 4000, sent, ANSWERS)
+        self._barrier = Barrier(EPISODE, tick, 4000, sent, responses, in_turn)
         self.half.take(self._barrier, GATEWAY, self.ros)
 
     def turn(self, seconds: float = 0.0) -> None:
@@ -140,7 +156,7 @@ def test_a_node_from_the_start_replies_when_all_responses_are_there(rig: Rig) ->
     for _ in range(10):  # a controller may take its time
         rig.turn(GIVE_UP_S / 2)
     assert rig.ros.replies[-1].state == WAITING
-    rig.half.received("/cmd_vel")
+    rig.half.received("/cmd_vel", SAMPLE)
     rig.turn()
     assert rig.ros.replies[-1] == BarrierReply(EPISODE, 0, DONE)
     assert rig.ros.warnings == ["lockstep: tick 0 waits for a message on /cmd_vel"]
@@ -163,7 +179,7 @@ def test_what_comes_again_is_published_when_it_can_be_heard_and_has_to_be_answer
     rig.turn(2 * SETTLE_S)
     assert rig.numbers("/odom") == [6]
     assert rig.ros.replies[-1].state == WAITING
-    rig.half.received("/cmd_vel")
+    rig.half.received("/cmd_vel", SAMPLE)
     rig.turn()
     assert rig.ros.replies[-1] == BarrierReply(EPISODE, 8, DONE)
 
@@ -181,7 +197,7 @@ def test_a_response_that_an_earlier_node_may_have_got_is_given_up(rig: Rig) -> N
 
 def test_once_a_tick_was_answered_answers_are_awaited_for_as_long_as_it_takes(rig: Rig) -> None:
     started_again(rig)
-    rig.half.received("/cmd_vel")
+    rig.half.received("/cmd_vel", SAMPLE)
     rig.turn()
     rig.told(16, first=7)
     rig.turn()
@@ -189,3 +205,44 @@ def test_once_a_tick_was_answered_answers_are_awaited_for_as_long_as_it_takes(ri
     for _ in range(10):
         rig.turn(GIVE_UP_S / 2)
     assert rig.ros.replies[-1].state == WAITING
+
+
+def begun_in_turn(rig: Rig) -> None:
+    rig.told(-1, first=0, responses=GRAPH, in_turn=True)
+    rig.told(8, first=0, responses=GRAPH, in_turn=True)
+    rig.turn(4 * SETTLE_S)
+
+
+def test_in_turn_a_message_follows_the_responses_of_the_whole_graph(rig: Rig) -> None:
+    begun_in_turn(rig)
+    assert [one.topic for one in rig.ros.published] == ["/odom"]
+    rig.half.received("/filtered", SAMPLE)
+    rig.turn()
+    assert [one.topic for one in rig.ros.published] == ["/odom"]
+    rig.half.received("/cmd_vel", SAMPLE)
+    rig.turn()
+    assert [one.topic for one in rig.ros.published] == ["/odom", "/clock"]
+    assert rig.ros.replies[-1].state == WAITING
+    rig.half.received("/beat", SAMPLE)
+    rig.turn()
+    assert rig.ros.replies[-1] == BarrierReply(EPISODE, 8, DONE)
+    assert rig.ros.warnings == ["lockstep: tick 8 waits for a message on /filtered"]
+
+
+def test_messages_that_nothing_caused_are_logged_once_and_answer_nothing(rig: Rig) -> None:
+    begun_in_turn(rig)
+    for topic in ("/filtered", "/cmd_vel", "/beat", "/beat"):
+        rig.half.received(topic, SAMPLE)
+        rig.turn()
+    rig.half.received("/beat", SAMPLE)
+    rig.told(16, first=1, responses=GRAPH, in_turn=True)
+    rig.turn()
+    for topic in ("/filtered", "/cmd_vel"):
+        rig.half.received(topic, SAMPLE)
+        rig.turn()
+    assert rig.ros.replies[-1].state == WAITING
+    rig.half.received("/beat", SAMPLE)
+    rig.turn()
+    assert rig.ros.replies[-1] == BarrierReply(EPISODE, 16, DONE)
+    (line,) = (line for line in rig.ros.warnings if "more than" in line)
+    assert line.startswith("lockstep: tick 16: 2 messages on /beat more than")

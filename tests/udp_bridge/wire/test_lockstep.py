@@ -8,6 +8,7 @@ from udp_bridge.wire import control
 from udp_bridge.wire.lockstep import (
     DONE,
     INCOMPLETE,
+    JOINED,
     RESTARTED,
     WAITING,
     Barrier,
@@ -30,6 +31,21 @@ BARRIER_BYTES = bytes.fromhex(
     "09 08 05 00  2f 63 6d 64 5f 76 65 6c  2f 6f 64 6f 6d"
     "00 06 06 00  2f 72 65 61 64 79  2f 63 6c 6f 63 6b"
 )
+IN_TURN = Barrier(
+    episode=1,
+    tick=0,
+    limit_ms=0,
+    responses=(
+        ExpectedResponse("/path", "/scan", 0, 2),
+        ExpectedResponse("/cmd_vel", "/path", 9, JOINED),
+    ),
+    in_turn=True,
+)
+IN_TURN_BYTES = bytes.fromhex(
+    "04 00 02 01  00 00 00 00  01 00 00 00 00 00 00 00  00 00 00 00 00 00 00 00"
+    "00 05 05 02  2f 70 61 74 68  2f 73 63 61 6e"
+    "09 08 05 ff  2f 63 6d 64 5f 76 65 6c  2f 70 61 74 68"
+)
 REPLY = BarrierReply(
     episode=1, tick=-1, state=WAITING, lost=3, sent=(SentMessages(9, "/cmd_vel", 5, 0xFFFF),)
 )
@@ -41,8 +57,8 @@ REPLY_BYTES = bytes.fromhex(
 
 @pytest.mark.parametrize(
     ("value", "body"),
-    [(BARRIER, BARRIER_BYTES), (REPLY, REPLY_BYTES)],
-    ids=["Barrier", "BarrierReply"],
+    [(BARRIER, BARRIER_BYTES), (IN_TURN, IN_TURN_BYTES), (REPLY, REPLY_BYTES)],
+    ids=["Barrier", "Barrier in turn", "BarrierReply"],
 )
 def test_bodies_to_the_byte(value: Barrier | BarrierReply, body: bytes) -> None:
     assert value.pack() == body
@@ -62,7 +78,9 @@ SENT = st.builds(
     SentMessages, st.sampled_from(DATA), NAMES, st.integers(0, 2**32 - 1), st.integers(1, 65535)
 )
 EPISODES, TICKS = st.integers(0, 2**64 - 1), st.integers(-1, 2**63 - 1)
-ANSWERS = st.builds(ExpectedResponse, NAMES, NAMES, st.sampled_from([0, *DATA]))
+ANSWERS = st.builds(
+    ExpectedResponse, NAMES, NAMES, st.sampled_from([0, *DATA]), st.integers(0, JOINED)
+)
 BARRIERS = st.builds(
     Barrier,
     EPISODES,
@@ -70,6 +88,7 @@ BARRIERS = st.builds(
     st.integers(0, 2**32 - 1),
     st.lists(SENT, max_size=5, unique_by=lambda sent: sent[:2]).map(tuple),
     st.lists(ANSWERS, max_size=5).map(tuple),
+    st.booleans(),
 )
 WORDS = st.builds(
     BarrierReply,

@@ -50,6 +50,16 @@ def subscription_profile(type_name: str) -> QoSProfile:
     return _qos(TopicQos(depth=10), ReliabilityPolicy.BEST_EFFORT)
 
 
+def listening_profile(reliability: ReliabilityPolicy) -> QoSProfile:
+    """Return the profile of a subscription to a publisher with this reliability.
+
+    Lockstep waits for each message, so none may be lost between hosts.
+    """
+    if reliability != ReliabilityPolicy.RELIABLE:
+        reliability = ReliabilityPolicy.BEST_EFFORT
+    return _qos(TopicQos(depth=100), reliability)
+
+
 def _qos(qos: TopicQos, reliability: ReliabilityPolicy) -> QoSProfile:
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,

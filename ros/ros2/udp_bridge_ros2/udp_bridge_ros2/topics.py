@@ -12,7 +12,7 @@ from rclpy.serialization import deserialize_message
 from udp_bridge.node.message_class import message_class
 from udp_bridge.node.options import prefix_frames
 from udp_bridge.node.publish_queue import Publication
-from udp_bridge.node.subscriptions import Subscription
+from udp_bridge.node.subscriptions import RosSample, Subscription, stamped_sample
 
 from . import qos as qos_profiles
 
@@ -84,7 +84,6 @@ class Ros2Subscriptions:
     ) -> Subscription:
         """Call `take` with the body of each message."""
         ros_class = message_class(str(row.ros_type))
-        fields = ros_class.get_fields_and_field_types()
         made = self._node.create_subscription(
             ros_class,
             topic,
@@ -94,7 +93,7 @@ class Ros2Subscriptions:
             qos_overriding_options=qos_profiles.OVERRIDES,
         )
         return Subscription(
-            fields.get("header") == "std_msgs/Header",
+            is_stamped(ros_class),
             lambda: self._node.destroy_subscription(made),
         )
 
@@ -117,22 +116,31 @@ class Ros2Graph:
         """Return whether a topic has a publisher."""
         return bool(self._node.count_publishers(topic))
 
-    def has_subscriber(self, topic: str) -> bool:
-        """Return whether a topic has a subscriber."""
-        return bool(self._node.count_subscribers(topic))
+    def has_subscriber(self, topic: str, is_own: bool) -> bool:
+        """Return whether a topic has a subscriber, besides the bridge itself if `is_own`."""
+        return bool(self._node.count_subscribers(topic) > is_own)
 
-    def listen(self, topic: str, take: Callable[[], object]) -> object:
+    def listen(self, topic: str, take: Callable[[RosSample], object]) -> object:
         """Subscribe to a topic of any type, as soon as its type is known."""
         for info in self._node.get_publishers_info_by_topic(topic):
+            ros_class = message_class(info.topic_type)
             return self._node.create_subscription(
-                message_class(info.topic_type),
+                ros_class,
                 topic,
-                partial(_take, take),
-                qos_profiles.subscription_profile(""),
+                partial(_take, take, info.topic_type, is_stamped(ros_class)),
+                qos_profiles.listening_profile(info.qos_profile.reliability),
                 raw=True,
             )
         return None
 
 
-def _take(take: Callable[[], object], _: bytes) -> None:
-    take()
+def is_stamped(ros_class: Any) -> bool:
+    """Return whether messages of a class begin with a std_msgs/Header."""
+    return bool(ros_class.get_fields_and_field_types().get("header") == "std_msgs/Header")
+
+
+def _take(
+    take: Callable[[RosSample], object], ros_type: str, has_header: bool, body: bytes
+) -> None:
+    sample = stamped_sample(body, ros_type) if has_header else None
+    take(sample or RosSample("", None, body, ros_type))

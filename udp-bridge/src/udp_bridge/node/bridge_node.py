@@ -27,6 +27,7 @@ from udp_bridge.wire.types import CONTROL, ROS_TYPES, SUBSCRIBE
 
 from .command_client import GatewayRequest, RunCommandClient
 from .lockstep import BarrierResponder
+from .lockstep_trace import LockstepTrace
 from .log import Log
 from .options import DEFAULT_BIND, parse_address, parse_datagram, parse_flag, parse_repair
 from .publish_queue import PublisherFactory, PublishQueue
@@ -53,6 +54,8 @@ class Settings(NamedTuple):
     datagram: str = "loopback"
     repair: str = "none"
     """Datagram size and repair mode of messages that the node sends."""
+    trace: str = ""
+    """A file for what ROS gets and answers in lockstep; empty for none."""
 
 
 class BridgeNode:
@@ -70,7 +73,7 @@ class BridgeNode:
     ValueError
         When a setting is invalid, or the key can't be used.
     OSError
-        When an address can't be resolved or bound.
+        When an address can't be resolved or bound, or the trace can't be written.
     """
 
     def __init__(
@@ -95,6 +98,7 @@ class BridgeNode:
         )
         # Without `is_known`, the socket accepts datagrams of known addresses alone.
         is_known = getattr(socket, "is_known", lambda _: True)
+        self._trace = LockstepTrace(settings.trace) if settings.trace else None
         self._is_constructed = threading.Event()
         self._log = Log(publishers.get_logger())
         self.command_client = RunCommandClient(self._send_request)
@@ -117,13 +121,14 @@ class BridgeNode:
             is_published=self._queue.publishes,
             is_known=is_known,
             repair=repair,
-            on_message=lambda topic: self._lockstep.received(topic),
+            on_message=lambda topic, sample: self._lockstep.received(topic, sample),
         )
         self._lockstep = BarrierResponder(
             *(graph, self._queue, self._subscriptions),
             log=self._log,
             wake=wake,
             drop=self.link.dropped,
+            trace=self._trace,
         )
         self._liveness, self._hints = NodeLiveness(os.environ), RefusalHints()
         self._is_constructed.set()
@@ -156,6 +161,8 @@ class BridgeNode:
         """
         self.link.close()
         self._queue.close()
+        if self._trace is not None:
+            self._trace.close()
         if refusals := self._queue.refusals:
             reasons = ", ".join(f"{reason} {count}" for reason, count in sorted(refusals.items()))
             self._log.info(f"not published, by reason: {reasons}")

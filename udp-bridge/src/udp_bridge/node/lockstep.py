@@ -3,9 +3,10 @@
 
 From its first Barrier on, a gateway's messages are held. A Barrier lists the messages that were
 sent; all of them are then published, in an order that does not depend on the network. A
-BarrierReply follows when ROS has responded as the Barrier requires. The link's thread hands
-messages over, the queue's thread publishes, and the thread that calls `turn` watches ROS and
-replies.
+BarrierReply follows when ROS has responded as the Barrier requires. With `in_turn`, a message that
+causes responses is published after all responses to those before, so nodes with several inputs get
+them in one order. The link's thread hands messages over, the queue's thread publishes, and the
+thread that calls `turn` watches ROS and replies.
 
 Nothing is published before publishers and subscribers are matched: a new one is given `SETTLE_S`,
 because DDS does not tell when a match is complete.
@@ -18,8 +19,9 @@ the first tick is completed, missing responses are given up after a timeout.
 from __future__ import annotations
 
 import time
+from collections import deque
 from threading import RLock
-from typing import TYPE_CHECKING, Any, Callable, Dict, Set
+from typing import TYPE_CHECKING, Any, Callable, Deque, Dict, List, Sequence, Set
 
 from udp_bridge import MSG_TYPES
 from udp_bridge.receiver.barrier_buffer import AnnouncedCounts, BarrierBuffer, in_order
@@ -43,9 +45,10 @@ from .topic_qos import publisher_qos
 if TYPE_CHECKING:
     from udp_bridge import Link, Message
 
+    from .lockstep_trace import LockstepTrace
     from .publish_queue import PublishQueue
     from .responses import RosGraph
-    from .subscriptions import LeasedSubscriptions
+    from .subscriptions import LeasedSubscriptions, RosSample
 
 SETTLE_S = 1.0
 """Time that a new publisher and its subscribers get to be matched."""
@@ -81,7 +84,11 @@ class _GatewayState:
         """The first Clock of an episode needs no response: a ROS timer begins to count at it."""
         self._episode: int | None = None
         self.published_s: float | None = None
+        """When the last message was published; None while messages are queued."""
         self.is_queued = False
+        """Whether all messages of the Barrier are here, and the first of them were queued."""
+        self.batches: Deque[List[Message]] = deque()
+        """Messages to publish after the responses to those before."""
         self.reply: BarrierReply | None = None
         self.lost = 0
         self.has_warned = False
@@ -117,6 +124,8 @@ class BarrierResponder:
         Called from any thread when `turn` has something to do.
     drop
         Called with a message that will not be published, and its sender.
+    trace
+        Gets what ROS receives and answers; None for none.
     """
 
     def __init__(
@@ -128,19 +137,25 @@ class BarrierResponder:
         log: Any,
         wake: Callable[[], object],
         drop: Callable[[Message, Address], object],
+        trace: LockstepTrace | None = None,
     ) -> None:
+        self._trace, self._tick = trace, -1
         self._queue, self._subscriptions, self._log = queue, subscriptions, log
         self._wake, self._drop = wake, drop
-        self._responses = ResponseTracker(graph)
+        self._responses = ResponseTracker(graph, self.received)
         self._lock = RLock()  # guards gateways
         self._gateways: Dict[Address, _GatewayState] = {}
         self._mended: Set[TopicKey] = set()
+        self._unasked: Set[str] = set()  # topics whose messages without a cause were logged
         self._settled_s = 0.0
         """When all known publishers and subscribers will be matched."""
 
-    def received(self, topic: str) -> None:
+    def received(self, topic: str, sample: RosSample) -> None:
         """Note a message of ROS; from any thread."""
-        self._responses.received(topic)
+        if self._trace is not None:
+            _, stamp_nanos, body, ros_type = sample
+            self._trace.received(self._tick, topic, stamp_nanos, body, ros_type)
+        self._responses.received(topic, sample)
 
     def holds(self, message: Message, sender: Address) -> bool:
         """Hold a message of a gateway in lockstep; return whether it is held."""
@@ -183,6 +198,7 @@ class BarrierResponder:
                 gateway.announced.mark_announced(link.sent_counts(sender))
             if known is None or (known.episode, known.tick) != (barrier.episode, barrier.tick):
                 gateway.take(barrier, now_s)
+                self._tick = barrier.tick
                 if barrier.tick < 0:
                     for message in gateway.buffer.take_all():
                         self._drop(message, sender)
@@ -215,15 +231,45 @@ class BarrierResponder:
         if barrier.sent and not self._is_matched(gateway, barrier):
             self._wake()
             return
-        gateway.lost = missing
+        gateway.lost, gateway.is_queued = missing, True
         messages = in_order(gateway.buffer.take(barrier.sent))
-        gateway.needs_responses = self._responses.due(
-            message.topic
+        gateway.batches = deque(self._batches(messages) if barrier.in_turn else [messages])
+        gateway.needs_responses = False
+        self._publish_batch(sender, gateway, barrier)
+
+    def _batches(self, messages: Sequence[Message]) -> List[List[Message]]:
+        """Return messages in parts; only the last message of a part causes responses."""
+        batches: List[List[Message]] = [[]]
+        for message in messages:
+            batches[-1].append(message)
+            if self._responses.are_caused_by(message.topic):
+                batches.append([])
+        return [batch for batch in batches if batch] or [[]]
+
+    def _publish_batch(self, sender: Address, gateway: _GatewayState, barrier: Barrier) -> None:
+        self._report_surplus(barrier)
+        messages, gateway.published_s = gateway.batches.popleft(), None
+        gateway.needs_responses |= self._responses.due(
+            (message.topic, message.stamp_nanos)
             for message in messages
             if not gateway.is_first_of_episode or MSG_TYPES[message.msg_type].name != "Clock"
         )
-        gateway.is_queued = True
+        if self._trace is not None:
+            for message in messages:
+                self._trace.published(
+                    barrier.tick, message.topic, message.stamp_nanos, message.body
+                )
         self._queue.put_all(messages, sender, lambda: self._on_published(gateway))
+
+    def _report_surplus(self, barrier: Barrier) -> None:
+        """Log the first messages of a topic that nothing caused, and forget them."""
+        for topic, count in self._responses.settle():
+            if barrier.in_turn and topic not in self._unasked:
+                self._unasked.add(topic)
+                self._log.warning(
+                    f"lockstep: tick {barrier.tick}: {count} messages on {topic} more than what "
+                    "its node consumed; results are not reproducible"
+                )
 
     def _is_matched(self, gateway: _GatewayState, barrier: Barrier) -> bool:
         if time.monotonic() < self._settled_s:
@@ -261,7 +307,13 @@ class BarrierResponder:
         if now_s - gateway.begun_s > WARN_S:
             self._responses.forgive_absent(now_s)
         self._give_up(gateway, barrier, now_s)
-        if self._responses.due_topic() or not link.flush(FLUSH_S):
+        if self._responses.due_topic():
+            return
+        if gateway.batches:
+            self._publish_batch(sender, gateway, barrier)
+            return
+        self._report_surplus(barrier)
+        if not link.flush(FLUSH_S):
             return
         left = {
             key: count for key, count in link.sent_counts(sender).items() if key[0] in ROS_TYPES

@@ -27,6 +27,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--key-file", metavar="FILE", help="key that both ends share")
     parser.add_argument("--key-env", metavar="NAME", help="environment variable with that key")
+    parser.add_argument("--trace", metavar="FILE", help="write what lockstep sends and gets")
 
 
 def parse_address(text: str, *, what: str) -> Address:

@@ -72,6 +72,17 @@ class RosSample(NamedTuple):
     stamp_nanos: Optional[int]
     """None when the message has no stamp; it then gets the time of sending."""
     body: bytes
+    ros_type: str = ""
+    """Full name of the type, where it is known."""
+
+
+def stamped_sample(body: bytes, ros_type: str = "") -> Optional[RosSample]:
+    """Return a message that begins with a std_msgs/Header; None if it is too short."""
+    if len(body) < 4 + _HEADER.size:
+        return None
+    sec, nanosec, size = _HEADER.unpack_from(body, 4)
+    frame = body[4 + _HEADER.size :][: size - 1].decode("utf-8", "replace")
+    return RosSample(frame, sec * NANOS + nanosec, body, ros_type)
 
 
 class Lease:
@@ -133,7 +144,7 @@ class LeasedSubscriptions:
     repair
         Repair mode of all that is sent.
     on_message
-        Called with the topic of each message received, in the thread of `turn`.
+        Called with the topic of each message received and the message, in the thread of `turn`.
     """
 
     def __init__(
@@ -143,7 +154,7 @@ class LeasedSubscriptions:
         is_published: Callable[[str], bool],
         is_known: Callable[[Address], bool] = lambda _: True,
         repair: Optional[Mode] = None,
-        on_message: Callable[[str], object] = lambda _: None,
+        on_message: Callable[[str, RosSample], object] = lambda *_: None,
     ) -> None:
         self.sent = 0
         """Messages handed to the link."""
@@ -250,7 +261,8 @@ class LeasedSubscriptions:
                     return "no publisher, so its type is not known yet"
                 row = row._replace(ros_type=ros_type)
                 self._prefixes[key] = typed_prefix(ros_type)
-            self._subscriptions[key] = self._ros.subscribe(row, topic, partial(self._take, key))
+            take = partial(self._take, key, str(row.ros_type))
+            self._subscriptions[key] = self._ros.subscribe(row, topic, take)
         except Exception as error:
             return " ".join(str(error).split())
         self._log.info(f"{topic}: {row.ros_type} subscribed to for {sender[0]}:{sender[1]}")
@@ -265,22 +277,16 @@ class LeasedSubscriptions:
         self._prefixes.pop(key, None)
         self._log.info(f"{key[1]}: no longer subscribed to: {why}")
 
-    def _take(self, key: TopicKey, body: bytes) -> None:
-        if not self._subscriptions[key].is_stamped:
-            self._offer(key, RosSample("", None, body))
+    def _take(self, key: TopicKey, ros_type: str, body: bytes) -> None:
+        sample: Optional[RosSample] = RosSample("", None, body, ros_type)
+        if self._subscriptions[key].is_stamped:
+            sample = stamped_sample(body, ros_type)
+        if sample is None:
             return
-        if len(body) < 4 + _HEADER.size:
-            return
-        sec, nanosec, size = _HEADER.unpack_from(body, 4)
-        frame = body[4 + _HEADER.size :][: size - 1].decode("utf-8", "replace")
-        self._offer(key, RosSample(frame, sec * NANOS + nanosec, body))
-
-    def _offer(self, key: TopicKey, sample: RosSample) -> None:
-        if prefix := self._prefixes.get(key):
-            sample = sample._replace(body=prefix + sample.body)
+        prefix = self._prefixes.get(key, b"")
         for lease in self._leases.get(key, {}).values():
-            lease.offer(sample)
-        self._on_message(key[1])
+            lease.offer(sample._replace(body=prefix + body) if prefix else sample)
+        self._on_message(key[1], sample)
 
     def _send(self, link: Link, key: TopicKey, to: Address, sample: RosSample) -> None:
         stamp_nanos = sample.stamp_nanos

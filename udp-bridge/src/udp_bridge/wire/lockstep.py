@@ -13,10 +13,10 @@ from typing import Iterable, List, NamedTuple, Sequence, Tuple
 from .header import BadMessage, Buffer, Refused
 from .types import ROS_TYPES
 
-_BARRIER = Struct("<BBBxIQq")
+_BARRIER = Struct("<BBBBIQq")
 _REPLY = Struct("<BBBxIQq")
 _SENT = Struct("<BBHI")
-_RESPONSE = Struct("<BBBx")
+_RESPONSE = Struct("<BBBB")
 TOPICS_MAX = 255
 """Topics in a Barrier or BarrierReply, and expected responses in a Barrier, at most."""
 
@@ -24,6 +24,11 @@ DONE, WAITING, INCOMPLETE, RESTARTED = range(4)
 """States of a BarrierReply: all was published and responded to; a response is awaited; messages are
 missing; the ROS side was restarted since they were sent and needs them again."""
 _STATES = (DONE, WAITING, INCOMPLETE, RESTARTED)
+
+EVERY_MAX = 254
+JOINED = 255
+"""Value of `ExpectedResponse.every`: all responses of one topic with this value together mean one
+response for each stamp that every topic which causes them has."""
 
 
 class SentMessages(NamedTuple):
@@ -38,13 +43,16 @@ class SentMessages(NamedTuple):
 
 
 class ExpectedResponse(NamedTuple):
-    """A ROS topic on which a message is due for each message of another topic."""
+    """A ROS topic on which a message is due for messages of another topic."""
 
     topic: str
     of: str
-    """The topic that causes the responses, one that goes to ROS."""
+    """The topic that causes the responses: one that goes to ROS, or one of responses."""
     msg_type: int = 0
     """Type of the responses; 0 is any type, of which nothing is sent back."""
+    every: int = 0
+    """0 or 1: a response is due for each message; n up to `EVERY_MAX`: for every n-th message;
+    `JOINED`: for each stamp."""
 
 
 class Barrier(NamedTuple):
@@ -63,6 +71,9 @@ class Barrier(NamedTuple):
     """Every topic with messages since the last Barrier."""
     responses: Tuple[ExpectedResponse, ...] = ()
     """Responses that ROS must send before it is done."""
+    in_turn: bool = False
+    """Whether ROS publishes a message that causes responses only after all responses to the one
+    before."""
 
     def pack(self) -> bytes:
         """Return the body: 24 bytes, and those of topics and responses.
@@ -74,11 +85,12 @@ class Barrier(NamedTuple):
         """
         if self.tick < -1 or len(self.responses) > TOPICS_MAX:
             raise BadMessage(f"a field is out of its range: {self}")
-        fixed = _BARRIER.pack(
-            4, _counted(self.sent), len(self.responses), self.limit_ms, self.episode, self.tick
-        )
+        counts = _counted(self.sent), len(self.responses)
+        fixed = _BARRIER.pack(4, *counts, self.in_turn, self.limit_ms, self.episode, self.tick)
         responses = [
-            _RESPONSE.pack(response.msg_type, _size(response.topic), _size(response.of))
+            _RESPONSE.pack(
+                *(response.msg_type, _size(response.topic), _size(response.of), response.every)
+            )
             + (response.topic + response.of).encode()
             for response in self.responses
         ]
@@ -88,18 +100,19 @@ class Barrier(NamedTuple):
     def parse(cls, body: Buffer) -> Barrier:
         """Return the parsed body, or raise `Refused`."""
         reader = _Reader(body)
-        _, topics, responses, limit_ms, episode, tick = reader.take(_BARRIER)
+        _, topics, responses, in_turn, limit_ms, episode, tick = reader.take(_BARRIER)
         sent = _parse_sent(reader, topics)
         listed: List[ExpectedResponse] = []
         for _ in range(responses):
-            msg_type, topic_size, of_size = reader.take(_RESPONSE)
-            listed.append(ExpectedResponse(reader.name(topic_size), reader.name(of_size), msg_type))
+            msg_type, topic_size, of_size, every = reader.take(_RESPONSE)
+            topic, of = reader.name(topic_size), reader.name(of_size)
+            listed.append(ExpectedResponse(topic, of, msg_type, every))
             if msg_type and msg_type not in ROS_TYPES:
                 raise Refused("body_value")
         reader.end()
         if tick < -1:
             raise Refused("body_value")
-        return cls(episode, tick, limit_ms, sent, tuple(listed))
+        return cls(episode, tick, limit_ms, sent, tuple(listed), bool(in_turn))
 
 
 class BarrierReply(NamedTuple):

@@ -15,6 +15,7 @@ from udp_bridge.node.bridge_node import BridgeNode, Settings
 from udp_bridge.node.command_client import RunCommandClient
 from udp_bridge.node.diagnostics import TOPIC, DiagnosticsPublisher
 from udp_bridge.node.run_control import RunControl, triggers
+from udp_bridge.node.subscriptions import RosSample
 
 from .publishers import Ros1Publishers
 from .subscriptions import Ros1Subscriptions
@@ -119,13 +120,17 @@ class Ros1Graph:
         """Return whether a topic has a publisher."""
         return bool(_connections(Registration.SUB, topic))
 
-    def has_subscriber(self, topic: str) -> bool:
-        """Return whether a topic has a subscriber."""
-        return bool(_connections(Registration.PUB, topic))
+    def has_subscriber(self, topic: str, is_own: bool) -> bool:
+        """Return whether a topic has a subscriber; True where only other nodes publish it."""
+        return is_own or bool(_connections(Registration.PUB, topic))
 
-    def listen(self, topic: str, take: Callable[[], object]) -> object:
-        """Subscribe to a topic of any type."""
-        return rospy.Subscriber(topic, rospy.AnyMsg, lambda _: take(), queue_size=10)
+    def listen(self, topic: str, take: Callable[[RosSample], object]) -> object:
+        """Subscribe to a topic of any type. Its messages count by number, as without a stamp."""
+
+        def received(message: rospy.AnyMsg) -> None:
+            take(RosSample("", None, message._buff))
+
+        return rospy.Subscriber(topic, rospy.AnyMsg, received, queue_size=10)
 
 
 def _connections(kind: str, topic: str) -> List[Any]:
