@@ -11,7 +11,6 @@ from functools import lru_cache
 from typing import Annotated, ClassVar, NamedTuple, get_args
 
 import msgspec
-import yaml
 from msgspec import Meta
 
 from groundlink.core.clock import TICK_RATE_HZ, exact
@@ -67,6 +66,8 @@ class FaultSpec(Spec, frozen=True, tag_field="kind", kw_only=True):
 
     def __str__(self) -> str:
         """Return the fault as one line of YAML, with the keys of a scenario."""
+        import yaml  # Only reports and errors need it, and importing it takes as long as msgspec.
+
         facts = {k: v for k, v in msgspec.to_builtins(self).items() if v is not None}
         line: str = yaml.safe_dump(facts, default_flow_style=True, sort_keys=False, width=1000)
         return line.strip()

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
-from importlib.metadata import Distribution, EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple, Union
 
+from groundlink.core.entry_points import InstalledEntry, entry_points
 from groundlink.core.errors import UserError
 from groundlink.messages.base import BusMessage
 
@@ -123,7 +123,7 @@ def sensor_kinds() -> Mapping[str, SensorKind]:
         when no kind is installed, or when an entry point cannot be used.
     """
     kinds = {}
-    for entry in sorted(entry_points(group=GROUP), key=_shipped_first):
+    for entry in sorted(entry_points(GROUP), key=_shipped_first):
         kinds[entry.name] = _loaded(entry)
     if not kinds:
         raise UserError(
@@ -136,8 +136,8 @@ def sensor_kinds() -> Mapping[str, SensorKind]:
 @cache
 def distribution_of(kind: str) -> str:
     """Return the name of the distribution that installs a kind."""
-    (entry,) = entry_points(group=GROUP, name=kind)
-    return _distribution(entry)
+    (name,) = (entry.distribution for entry in entry_points(GROUP) if entry.name == kind)
+    return name
 
 
 def sheet_folders() -> list[Path]:
@@ -170,10 +170,10 @@ def sensor_union() -> Any:
     return Union[tuple(kind.spec for kind in sensor_kinds().values())]  # noqa: UP007
 
 
-def _loaded(entry: EntryPoint) -> SensorKind:
-    where = f"sensor kind `{entry.name}` of the package `{_distribution(entry)}`"
+def _loaded(entry: InstalledEntry) -> SensorKind:
+    where = f"sensor kind `{entry.name}` of the package `{entry.distribution}`"
     try:
-        kind = entry.load()
+        kind = load_reference(entry.value)
     except Exception as error:  # The package is not ours and may raise anything.
         raise UserError(
             f"{where}: cannot import {entry.value}: {error}. Fix: update or uninstall the package"
@@ -186,15 +186,5 @@ def _loaded(entry: EntryPoint) -> SensorKind:
     return kind
 
 
-def _shipped_first(entry: EntryPoint) -> tuple[bool, str]:
-    return _distribution(entry) != OWN_DISTRIBUTION, entry.name
-
-
-def _distribution(entry: EntryPoint) -> str:
-    return _name(entry.dist) if entry.dist is not None else "?"
-
-
-@cache
-def _name(distribution: Distribution) -> str:
-    """Return the name of a distribution, for which all its metadata are parsed."""
-    return distribution.name
+def _shipped_first(entry: InstalledEntry) -> tuple[bool, str]:
+    return entry.distribution != OWN_DISTRIBUTION, entry.name

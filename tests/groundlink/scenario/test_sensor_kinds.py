@@ -4,12 +4,12 @@
 import subprocess
 import sys
 import tomllib
-from importlib.metadata import EntryPoint
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
+from groundlink.core.entry_points import InstalledEntry
 from groundlink.core.errors import UserError
 from groundlink.scenario import sensor_kinds as registry
 from groundlink.scenario.sensor_kinds import distribution_of, load_reference, sensor_kinds
@@ -63,8 +63,8 @@ def test_the_registry_imports_no_model() -> None:
 def test_an_entry_point_that_cannot_be_used_is_one_line(
     value: str, problem: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    entry = EntryPoint("sonar", value, registry.GROUP)
-    monkeypatch.setattr(registry, "entry_points", lambda **_: [entry])
+    entry = InstalledEntry("sonar", value, "sonars")
+    monkeypatch.setattr(registry, "entry_points", lambda group: [entry])
     with pytest.raises(UserError, match="sensor kind `sonar`") as caught:
         sensor_kinds.__wrapped__()
     assert problem in str(caught.value)
@@ -72,6 +72,6 @@ def test_an_entry_point_that_cannot_be_used_is_one_line(
 
 
 def test_without_any_kind_the_error_names_the_group(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "entry_points", lambda **_: [])
+    monkeypatch.setattr(registry, "entry_points", lambda group: [])
     with pytest.raises(UserError, match=r"group `groundlink\.sensors`"):
         sensor_kinds.__wrapped__()
