@@ -36,6 +36,9 @@ from groundlink.scene.build import world_hash
 HELD = 64
 """Messages that may wait for the ground truth of their end; beyond it the oldest are dropped."""
 
+AHEAD_NANOS = 2 * NANOS
+"""A message stamped further ahead of the clock is of the pass before, of a replay in a loop."""
+
 
 class ReceivedMessage(NamedTuple):
     """A message of a stream of the run."""
@@ -65,14 +68,18 @@ class StateReconstructor:
         """Return the states made from messages, and the messages to draw after them."""
         vehicles: dict[int, dict[str, VehicleState]] = {}
         drawable: list[ReceivedMessage] = []
-        for each in came:
+        received = list(came)
+        for each in received:
+            if isinstance(each.message, Clock):
+                self._take_clock(each.message)
+        if self._clock is None:
+            return [], []
+        last_nanos = self._clock.stamp_nanos + AHEAD_NANOS
+        for each in received:
             message, (name, _, rest) = each.message, each.path.partition("/")
-            if isinstance(message, Clock):
-                if self._clock is not None and message.stamp_nanos < self._clock.stamp_nanos:
-                    self._rounds += 1  # a replay in a loop
-                    self._begin()
-                self._clock = message
-            elif isinstance(message, Bodies):
+            if isinstance(each.stream, Outgoing) and measured_nanos(message) > last_nanos:
+                continue
+            if isinstance(message, Bodies):
                 self._take_bodies(message)
             elif isinstance(message, JointState) and rest == "ground_truth/wheels":
                 self._links[name].turn(floats(message.positions))
@@ -85,8 +92,6 @@ class StateReconstructor:
                 self._held.append(each)
             else:
                 drawable.append(each)
-        if self._clock is None:
-            return [], []
         states = [self._state(self._clock, stamp, vehicles[stamp]) for stamp in sorted(vehicles)]
         if states:
             self._newest_nanos = states[-1].stamp_nanos
@@ -94,6 +99,12 @@ class StateReconstructor:
         for each in held:
             (drawable if _end_nanos(each) <= self._newest_nanos else self._held).append(each)
         return states, drawable
+
+    def _take_clock(self, clock: Clock) -> None:
+        if self._clock is not None and clock.stamp_nanos < self._clock.stamp_nanos:
+            self._rounds += 1  # a replay in a loop
+            self._begin()
+        self._clock = clock
 
     def _state(self, clock: Clock, stamp: int, vehicles: dict[str, VehicleState]) -> State:
         return State(

@@ -133,7 +133,7 @@ def test_a_cloud_waits_for_its_last_laser() -> None:
 
 def test_without_any_truth_no_more_than_some_wait() -> None:
     states = StateReconstructor(SCENARIO, "run")
-    states.follow([clock(0), *(cloud(40 * i) for i in range(2 * HELD))])
+    states.follow([clock(400 * HELD), *(cloud(40 * i) for i in range(2 * HELD))])
     far = drawable("rover/ground_truth", truth(400 * HELD))
     _, messages = states.follow([far])
     assert len(messages) == 1 + HELD
@@ -157,6 +157,15 @@ def test_another_round_of_a_replay_is_another_episode() -> None:
         found, _ = states.follow([clock(tick), drawable("rover/ground_truth", truth(tick))])
         episodes += [state.episode for state in found]
     assert episodes[0] == episodes[1] != episodes[2] == episodes[3]
+
+
+def test_what_is_late_from_the_round_before_is_in_none() -> None:
+    """Streams wait in boxes of their own, so some may come after the clock has jumped back."""
+    states = StateReconstructor(SCENARIO, "run")
+    states.follow([clock(4000), drawable("rover/ground_truth", truth(4000))])
+    for came in ([clock(4008), clock(0)], [clock(8)]):
+        late = [cloud(4000), drawable("rover/ground_truth", truth(4008))]
+        assert states.follow([*late, *came]) == ([], came[-1:])
 
 
 def test_wheels_of_another_vehicle_turn_nothing() -> None:
