@@ -15,7 +15,6 @@ import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 
 import msgspec
@@ -229,6 +228,8 @@ def state_digest(state: State) -> str:
 @cache
 def this_platform() -> Platform:
     """Return the platform of this process."""
+    from importlib import metadata  # Slow to import, and needed for saved runs only.
+
     names = ("groundlink", "pybullet", "numpy")
     versions = {"python": platform.python_version()}
     for name in names:

@@ -9,10 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.core.entry_points import InstalledEntry
 from groundlink.core.errors import UserError
 from groundlink.scenario import sensor_kinds as registry
-from groundlink.scenario.sensor_kinds import distribution_of, load_reference, sensor_kinds
+from groundlink.scenario.sensor_kinds import (
+    InstalledEntry,
+    distribution_of,
+    load_reference,
+    sensor_kinds,
+)
 
 ROOT = Path(__file__).parents[3]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from groundlink.core.entry_points import InstalledEntry, entry_points
+from groundlink.scenario.sensor_kinds import InstalledEntry, entry_points
 
 
 def found_by_python(group: str) -> list[InstalledEntry]:
