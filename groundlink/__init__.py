@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from groundlink.data.dataset import Dataset
-    from groundlink.sim.stepped_run import Mode, SteppedRun
+    from groundlink.sim.sim_time import Mode
+    from groundlink.sim.stepped_run import SteppedRun
 
 
 __all__ = ["__version__", "open", "run"]
@@ -40,8 +41,11 @@ def run(
     mode: Mode = "fast",
     sensors_together: bool = False,
     record: str | Path | None = None,
+    name: str | None = None,
 ) -> SteppedRun:
     """Start a run that a program steps; see `groundlink.sim.stepped_run.SteppedRun`."""
     from groundlink.sim.stepped_run import SteppedRun
 
-    return SteppedRun(scenario, mode=mode, sensors_together=sensors_together, record=record)
+    return SteppedRun(
+        scenario, mode=mode, sensors_together=sensors_together, record=record, name=name
+    )

@@ -20,7 +20,7 @@ EXTRAS = (
     "all",
 )
 
-OTHER_EXTRAS = {"ros2", "gym", "benchmarks", "experiments", "docs", "dev"}
+OTHER_EXTRAS = {"ros2", "gym", "osc", "benchmarks", "experiments", "docs", "dev"}
 """For a checkout, or of other programs."""
 
 COMMANDS: dict[str, str | None] = {

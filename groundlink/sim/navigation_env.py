@@ -16,7 +16,8 @@ from groundlink.loader import load
 from groundlink.messages.imagery import LaserScan
 from groundlink.scenario import Scenario
 
-from .stepped_run import SteppedRun, as_stepped, check_step
+from .sim_time import as_stepped, check_step
+from .stepped_run import SteppedRun
 
 with needs("gym"):
     import gymnasium

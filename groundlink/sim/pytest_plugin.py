@@ -16,7 +16,8 @@ import pytest
 import groundlink
 
 if TYPE_CHECKING:
-    from groundlink.sim.stepped_run import Mode, SteppedRun
+    from groundlink.sim.sim_time import Mode
+    from groundlink.sim.stepped_run import SteppedRun
 
 RECORDING = "run.mcap"
 

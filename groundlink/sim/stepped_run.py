@@ -12,24 +12,30 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from math import inf
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal
+from typing import Any
 
-from msgspec.structs import replace
+import msgspec
 
-from groundlink.bus.control_client import fetch_journal, restoring, run_status, send_command
+from groundlink.bus.control_client import (
+    ask_world,
+    fetch_journal,
+    restoring,
+    run_status,
+    send_command,
+)
 from groundlink.bus.core_topics import ACK, CLOCK, COMMAND, GATEWAY, HEALTH, PHYSICS, RECORDER, ROOT
 from groundlink.bus.fault_client import send_fault
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import GROUND_TRUTH, sensor_outputs
+from groundlink.bus.topics import GROUND_TRUTH, VITALS, sensor_outputs
 from groundlink.core.atomic_file import check_new_file
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS
 from groundlink.core.errors import RunFailed, UserError
 from groundlink.episode import journal
 from groundlink.episode.control import Remove, Reset, Spawn
+from groundlink.episode.world_queries import AnyWorldQuery, RemoveQuery, SpawnQuery
 from groundlink.loader import load
 from groundlink.loader.additions import SpawnPlace, addition_to
 from groundlink.messages.base import Ack, BusMessage, Clock, Command
@@ -38,6 +44,8 @@ from groundlink.monitor.supervisor import Supervisor
 from groundlink.process.joining import join
 from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Fault
+
+from .sim_time import Mode, as_stepped, check_step
 
 START_SECONDS = 60.0
 """Timeout for the start of all processes: cameras compile shaders."""
@@ -53,8 +61,6 @@ RECORDER_SECONDS = 5.0
 
 LINES_KEPT = 20
 INBOX_DEPTH = 1 << 16
-
-Mode = Literal["fast", "lockstep"]
 
 
 class SteppedRun:
@@ -75,6 +81,8 @@ class SteppedRun:
     record
         also record the run to this MCAP file, which `close` completes. After a reset or a restore
         another file follows, such as `run_2.mcap`.
+    name
+        name of the run, also in a recording; by default, the scenario's with the process id.
 
     Raises
     ------
@@ -89,6 +97,7 @@ class SteppedRun:
         mode: Mode = "fast",
         sensors_together: bool = False,
         record: str | Path | None = None,
+        name: str | None = None,
     ) -> None:
         saved = None
         if journal.is_saved_run(Path(scenario)):
@@ -97,7 +106,7 @@ class SteppedRun:
         self.scenario = as_stepped(given, mode)
         """The scenario at present, with what was spawned and without what was removed."""
 
-        self.name = f"{given.name}_{os.getpid()}"
+        self.name = name or f"{given.name}_{os.getpid()}"
         """Name of the run, for other commands: `--run`."""
 
         self.endpoint = process_commands.free_endpoint()
@@ -286,6 +295,28 @@ class SteppedRun:
         send_command(self._bus, self.name, Remove(name))
         self._adopt(self._present())
 
+    def ask(self, query: AnyWorldQuery) -> dict[str, Any]:
+        """Return the answer to a world query; what it changes is so from the next tick on.
+
+        Parameters
+        ----------
+        query
+            an object of `groundlink.episode.world_queries`, but for `ResetQuery`: use `reset`.
+
+        Raises
+        ------
+        UserError
+            when it cannot be answered; nothing is changed then.
+        """
+        answer: dict[str, Any] = msgspec.json.decode(
+            ask_world(self._bus, self.name, msgspec.json.encode(query))
+        )
+        if problem := answer.get("error"):
+            raise UserError(problem)
+        if isinstance(query, SpawnQuery | RemoveQuery):
+            self._adopt(self._present())
+        return answer
+
     def fault(self, sensor: str, fault: Fault) -> tuple[Fault, ...]:
         """Inject a fault into a sensor from the next tick on; return all its active faults.
 
@@ -398,7 +429,8 @@ class SteppedRun:
         for name in (*self._sensors, RECORDER):
             yield ACK.key_in(self.name, process=name), ACK.message
         for vehicle in self.scenario.vehicles:
-            yield GROUND_TRUTH.key_in(self.name, vehicle=vehicle.name), GROUND_TRUTH.message
+            for row in (GROUND_TRUTH, VITALS):
+                yield row.key_in(self.name, vehicle=vehicle.name), row.message
             for sensor in vehicle.sensors:
                 for output in sensor_outputs(sensor):
                     key = output.row.key_in(self.name, vehicle=vehicle.name, sensor=sensor.name)
@@ -453,26 +485,3 @@ class SteppedRun:
             self._acknowledged[key.removeprefix("ack/")] = message.episode, message.tick
         else:
             self._latest[key] = message
-
-
-def as_stepped(scenario: Scenario, mode: Mode = "fast") -> Scenario:
-    """Return a scenario whose sim time a program advances."""
-    return replace(scenario, time=replace(scenario.time, mode=mode, lockstep="ros"))
-
-
-def check_step(scenario: Scenario, seconds: float) -> int:
-    """Return the ticks of a step.
-
-    Raises
-    ------
-    UserError
-        when it is no multiple of the period of the scenario's clock.
-    """
-    period = scenario.time.ack_ticks
-    ticks = seconds * TICK_RATE_HZ
-    if not period <= ticks < inf or abs(ticks / period - round(ticks / period)) > 1e-6:
-        raise UserError(
-            f"step: {seconds:g} s is no multiple of {period * TICK_SECONDS:g} s. Fix: choose one, "
-            "or set `time.clock_rate_hz` of the scenario"
-        )
-    return round(ticks)

@@ -18,6 +18,7 @@ from groundlink.bus.queries import world_query_key
 from groundlink.core.clock import TICK_RATE_HZ
 from groundlink.core.errors import RunFailed, UserError
 from groundlink.episode.journal import dumped, loaded
+from groundlink.episode.world_queries import EntitiesQuery
 from groundlink.messages.base import Imu, PointCloud
 from groundlink.scenario.faults import Bias, OccludedSector, Off, Stuck
 from groundlink.sim.stepped_run import SteppedRun
@@ -127,6 +128,10 @@ def test_a_spawned_vehicle_drives_until_it_is_removed(sim: SteppedRun) -> None:
     assert sim.spawn("box", x_m=-3.0, y_m=0.0) == "box"
     with pytest.raises(UserError, match="`crate` would be inside `box`"):
         sim.spawn("crate", x_m=-3.0, y_m=0.0)
+    (box,) = sim.ask(EntitiesQuery("box"))["entities"]
+    assert box["position_m"] == pytest.approx([-3.0, 0.0, 0.25])
+    with pytest.raises(UserError, match="no entity `bax`"):
+        sim.ask(EntitiesQuery("bax"))
     assert sim.latest("second/ground_truth") is None
     sim.step(0.1)
     sim.command("second", 0.5, 0.0)
@@ -178,7 +183,7 @@ def test_a_saved_state_is_restored_and_recorded(tmp_path: Path) -> None:
         assert drive_on(sim) == expected
         sim.remove("two")
         sim.step(0.1)
-        assert set(sim.streams) == {"one/imu", "one/ground_truth"}
+        assert set(sim.streams) == {"one/imu", "one/ground_truth", "one/vitals"}
     imu = expected[[*sim.streams].index("one/imu")]
     with groundlink.open(recording) as run:
         recorded = run.array("/one/imu")
