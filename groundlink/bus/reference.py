@@ -15,7 +15,7 @@ import msgspec
 from msgspec import inspect as types
 
 from groundlink.messages.base import POINT, BusMessage
-from groundlink.messages.ground_truth import TRUE_POINT
+from groundlink.messages.ground_truth import LABELED_POINT, TRUE_POINT
 
 from .core_topics import ROOT
 from .topics import TOPICS
@@ -56,7 +56,8 @@ def reference() -> str:
         lines += ["", *_section(struct, found)]
         waiting = found + waiting
     lines += ["", "## Records"]
-    for name, record in (("POINT", POINT), ("TRUE_POINT", TRUE_POINT)):
+    records = {"POINT": POINT, "TRUE_POINT": TRUE_POINT, "LABELED_POINT": LABELED_POINT}
+    for name, record in records.items():
         lines += ["", f"### {name}", "", f"{record.itemsize} bytes, little-endian.", ""]
         fields: Mapping[str, Any] = record.fields or {}
         rows = ((f"`{n}`", str(at), kind.name) for n, (kind, at, *_) in fields.items())

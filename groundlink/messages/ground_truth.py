@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of ground truth: poses of all bodies, true points behind LiDAR clouds, vitals.
+"""Messages of ground truth: poses of all bodies, true points behind LiDAR clouds, labels, vitals.
 
 They have no errors and therefore no covariances. The true motion of a vehicle and its wheels uses
-the messages of `navigation`.
+the messages of `navigation`. Labels have the stamps of their sensor's readings, its clock error
+included.
 """
 
 from typing import Annotated
@@ -11,7 +12,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from .base import POINT, BusMessage, exactly, floats, whole
+from .base import POINT, BusMessage, Reading, exactly, floats, whole
 
 WORLD_FRAME = "world"
 """World frame (ENU), in which the scenario's placements are given."""
@@ -19,6 +20,9 @@ WORLD_FRAME = "world"
 TRUE_POINT = np.dtype([*POINT.descr, ("body", "<u4")])
 """`POINT` with the number of the body that the point is on, as in `groundlink.scene.bodies`, or its
 `NO_BODY`."""
+
+LABELED_POINT = np.dtype([*POINT.descr, ("label", "<u2"), ("instance", "<u2")])
+"""`POINT` with the numbers of the class and of the object that the point is on; 0 for none."""
 
 
 class Bodies(BusMessage, frozen=True):
@@ -57,6 +61,99 @@ class TruePoints(BusMessage, frozen=True):
     def records(self) -> NDArray[np.void]:
         """Return the points as a structured array, shape (N,), dtype `TRUE_POINT`."""
         return np.frombuffer(self.points, TRUE_POINT)
+
+
+class LabeledPoints(Reading, frozen=True):
+    """Points of a LiDAR cloud, each with its class and its object."""
+
+    stamp_nanos: int
+    """Stamp of the cloud."""
+
+    frame: str
+    points: memoryview
+    """`LABELED_POINT` records: those of the cloud, in the same order."""
+
+    def __post_init__(self) -> None:
+        whole(self.points, LABELED_POINT.itemsize, "points")
+
+    def records(self) -> NDArray[np.void]:
+        """Return the points as a structured array, shape (N,), dtype `LABELED_POINT`."""
+        return np.frombuffer(self.points, LABELED_POINT)
+
+
+class LabelTable(Reading, frozen=True):
+    """Names of the numbers in an image or a cloud of labels (vision_msgs/LabelInfo)."""
+
+    stamp_nanos: int
+    """Stamp of the image or cloud."""
+
+    frame: str
+    names: tuple[str, ...]
+    numbers: memoryview
+    """uint16, one for each name: a class, or an object."""
+
+    def __post_init__(self) -> None:
+        exactly(self.numbers, len(self.names) * 2, "numbers")
+
+
+class Detections2D(Reading, frozen=True):
+    """Boxes around what a picture shows of each object (vision_msgs/Detection2DArray)."""
+
+    stamp_nanos: int
+    """Stamp of the image."""
+
+    frame: str
+    """Optical frame of the camera."""
+
+    names: tuple[str, ...]
+    """Names of the objects, which identify them from picture to picture."""
+
+    classes: memoryview
+    """uint16: class of each object."""
+
+    visible: memoryview
+    """float64: share of each object's pixels that nothing else hides, 0..1."""
+
+    boxes_px: memoryview
+    """float64, a row of x, y, width, height for each object: the middle of its box and the size.
+    Pixel centers have integer coordinates."""
+
+    def __post_init__(self) -> None:
+        _of_objects(self.names, self.classes, self.visible)
+        exactly(self.boxes_px, len(self.names) * 4 * 8, "boxes_px")
+
+
+class Detections3D(Reading, frozen=True):
+    """Boxes around objects in the frame of a sensor (vision_msgs/Detection3DArray)."""
+
+    stamp_nanos: int
+    """Stamp of the image or cloud."""
+
+    frame: str
+    """Frame of the sensor; of a camera, its optical frame."""
+
+    names: tuple[str, ...]
+    """Names of the objects, which identify them from message to message."""
+
+    classes: memoryview
+    """uint16: class of each object."""
+
+    visible: memoryview
+    """float64: share of each object's pixels that nothing else hides, 0..1; of a LiDAR, 1."""
+
+    boxes: memoryview
+    """float64, a row of x, y, z (m), qx, qy, qz, qw, length, width, height (m) for each object:
+    the middle of its box, the box's rotation, and its size along its own axes."""
+
+    def __post_init__(self) -> None:
+        _of_objects(self.names, self.classes, self.visible)
+        exactly(self.boxes, len(self.names) * 10 * 8, "boxes")
+
+
+def _of_objects(names: tuple[str, ...], classes: memoryview, visible: memoryview) -> None:
+    """Refuse classes and shares that are not one for each object."""
+    exactly(classes, len(names) * 2, "classes")
+    exactly(visible, len(names) * 8, "visible")
 
 
 VITALS_HZ = 10

@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 
 from groundlink.messages.base import POINT, PointCloud, packed
-from groundlink.messages.ground_truth import TRUE_POINT, WORLD_FRAME, Bodies, TruePoints
+from groundlink.messages.ground_truth import (
+    LABELED_POINT,
+    TRUE_POINT,
+    WORLD_FRAME,
+    Bodies,
+    LabeledPoints,
+    TruePoints,
+)
 
 from .codec import Codec, Moment, stamp_and_frame
 from .types import TYPES, header, nanos, quaternion, vector, xyz, xyzw
@@ -24,11 +31,11 @@ _FIELDS = {
         )
         for name, (_, offset, *_) in (record.fields or {}).items()
     ]
-    for record in (POINT, TRUE_POINT)
+    for record in (POINT, TRUE_POINT, LABELED_POINT)
 }
 
 
-def _cloud(message: PointCloud | TruePoints) -> dict[str, Any]:
+def _cloud(message: PointCloud | TruePoints | LabeledPoints) -> dict[str, Any]:
     data = np.frombuffer(message.points, np.uint8)
     record = message.records().dtype
     return {
@@ -50,6 +57,10 @@ def _cloud_of(ros: Any, moment: Moment) -> PointCloud:
 
 def _true_points_of(ros: Any, moment: Moment) -> TruePoints:
     return TruePoints(*stamp_and_frame(ros), packed(ros.data))
+
+
+def _labeled_points_of(ros: Any, moment: Moment) -> LabeledPoints:
+    return LabeledPoints(*stamp_and_frame(ros), packed(ros.data))
 
 
 def _bodies(message: Bodies) -> dict[str, Any]:
@@ -88,5 +99,6 @@ def _bodies_of(ros: Any, moment: Moment) -> Bodies:
 CODECS = (
     Codec(PointCloud, "sensor_msgs/msg/PointCloud2", _cloud, _cloud_of),
     Codec(TruePoints, "sensor_msgs/msg/PointCloud2", _cloud, _true_points_of),
+    Codec(LabeledPoints, "sensor_msgs/msg/PointCloud2", _cloud, _labeled_points_of),
     Codec(Bodies, "tf2_msgs/msg/TFMessage", _bodies, _bodies_of),
 )

@@ -6,6 +6,7 @@ on pictures are in `services.sensors.rendering.optics`.
 """
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -13,6 +14,7 @@ from msgspec import Meta
 
 from groundlink.core.fields import NonNegative, Positive, Spec
 from groundlink.messages.base import BusMessage
+from groundlink.messages.ground_truth import Detections2D, Detections3D, LabelTable
 from groundlink.messages.imagery import CompressedImage, Image
 
 from .every_sensor import Rate, SensorSpec
@@ -22,6 +24,23 @@ Publish = Literal["compressed", "raw", "both"]
 """Forms in which a stream of images is published."""
 
 JpegQuality = Annotated[int, Meta(ge=1, le=100)]
+
+LABEL_STREAMS: Mapping[str, type[BusMessage]] = {
+    "label_info": LabelTable,
+    "semantic": Image,
+    "instances": Image,
+    "instance_info": LabelTable,
+    "boxes_2d": Detections2D,
+    "boxes_3d": Detections3D,
+}
+"""BusMessage type of each stream of labels; each kind of camera adds them to its own."""
+
+_STREAMS_OF = {
+    "segmentation": ("semantic", "instances", "instance_info"),
+    "boxes_2d": ("boxes_2d",),
+    "boxes_3d": ("boxes_3d",),
+}
+"""Streams of each form of labels, besides `label_info`, which all forms have."""
 
 COEFFICIENTS = {
     "plumb_bob": ("k1", "k2", "p1", "p2", "k3"),
@@ -155,6 +174,11 @@ class Optics(SensorSpec, frozen=True, kw_only=True):
     imager: Imager = Imager()
     """Exposure, noise and readout of the image sensor; default: ideal."""
 
+    labels: tuple[Literal["segmentation", "boxes_2d", "boxes_3d"], ...] = ()
+    """Labels of each picture under `<topic>/labels`. `segmentation`: an image of classes and one of
+    objects. `boxes_2d`: a box around the visible part of each object. `boxes_3d`: a box around each
+    visible object, in the optical frame. Needs OpenGL. Default: none."""
+
     def __post_init__(self) -> None:
         if self.intrinsics and (self.horizontal_fov_deg or self.vertical_fov_deg):
             raise ValueError("`intrinsics` and a field of view are both given. Fix: keep one")
@@ -173,6 +197,12 @@ class Optics(SensorSpec, frozen=True, kw_only=True):
     def color_encoding(self) -> str:
         """Return the encoding of color pictures, as in sensor_msgs/Image."""
         return "rgb8"
+
+    def label_topics(self) -> dict[str, str]:
+        """Return the ROS topic of each stream of labels by name."""
+        streams = ["label_info"] if self.labels else []
+        streams += [stream for form in self.labels for stream in _STREAMS_OF[form]]
+        return {stream: f"{self.topic}/labels/{stream}" for stream in streams}
 
 
 def info_beside(topic: str) -> str:
@@ -197,10 +227,16 @@ def jpeg_bytes(pixels: int, quality: int) -> int:
 def largest_picture(
     camera: Optics, frame: str, publish: str, encoding: str, quality: int
 ) -> BusMessage:
-    """Return the largest picture: raw pixels, or a JPEG of noise if only the JPEG is published."""
+    """Return the largest picture: raw pixels, or a JPEG of noise if only the JPEG is published.
+
+    An image of objects has 16 bits a pixel.
+    """
     pixels = camera.width * camera.height
+    has_raw_colors = publish != "compressed" and encoding in ("rgb8", "bgr8")
+    if "segmentation" in camera.labels and not has_raw_colors:
+        publish, encoding = "raw", "mono16"
     if publish == "compressed":
         return CompressedImage(0, frame, "jpeg", memoryview(bytes(jpeg_bytes(pixels, quality))))
-    row = camera.width * (3 if encoding in ("rgb8", "bgr8") else 1)
+    row = camera.width * {"rgb8": 3, "bgr8": 3, "mono16": 2}.get(encoding, 1)
     data = memoryview(bytes(row * camera.height))
     return Image(0, frame, camera.height, camera.width, encoding, row, data)

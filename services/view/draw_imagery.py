@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draw images, depth images, laser scans and ranges in Rerun.
+"""Draw images, depth images, boxes of objects, laser scans and ranges in Rerun.
 
 The entity of an image is in the frame `<optical frame>/image`. A CameraInfo message ties that frame
 to the optical frame; the image then also appears in the 3D view.
@@ -14,6 +14,7 @@ import PIL.Image
 import rerun as rr
 
 from groundlink.messages.base import floats
+from groundlink.messages.ground_truth import Detections2D, Detections3D
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
 from groundlink.ros.pixels import ENCODINGS, pixels
 
@@ -26,6 +27,9 @@ IMAGE_PLANE_M = 0.6
 
 SCAN_COLOR = (255, 90, 90)
 
+LABELS = ("/semantic", "/instances")
+"""Last parts of the entities of images whose pixels are numbers of classes or objects."""
+
 _DEPTH_HEADER = struct.Struct("<iff")
 """Header of compressed_depth_image_transport before the PNG: format, A and B."""
 
@@ -36,6 +40,9 @@ def image(drawing: Drawing, track: Track, path: str, message: Image) -> None:
         drawing.not_drawn += 1
         return
     array = pixels(encoding, message.data, message.height, message.width, message.row_bytes)
+    if path.endswith(LABELS):
+        _show(drawing, path, message, rr.SegmentationImage(array))
+        return
     drawn = (
         rr.DepthImage(array, meter=encoding.meter, point_fill_ratio=0.4)
         if encoding.meter
@@ -82,7 +89,10 @@ def _compressed_depth(message: CompressedImage, *, meters: bool) -> rr.AsCompone
 
 
 def _show(
-    drawing: Drawing, path: str, message: Image | CompressedImage, drawn: rr.AsComponents
+    drawing: Drawing,
+    path: str,
+    message: Image | CompressedImage | Detections2D,
+    drawn: rr.AsComponents,
 ) -> None:
     drawing.in_frame(path, f"{message.frame}/image")
     drawing.log(path, message.stamp_nanos, drawn)
@@ -102,6 +112,23 @@ def camera_info(drawing: Drawing, track: Track, path: str, message: CameraInfo) 
         image_plane_distance=IMAGE_PLANE_M,
     )
     drawing.log(path, message.stamp_nanos, lens)
+
+
+def boxes_in_picture(drawing: Drawing, track: Track, path: str, message: Detections2D) -> None:
+    """Draw boxes with the names of their objects on the image."""
+    rows = floats(message.boxes_px).reshape(-1, 4)
+    drawn = rr.Boxes2D(centers=rows[:, :2], sizes=rows[:, 2:], labels=message.names)
+    _show(drawing, path, message, drawn)
+
+
+def boxes_in_space(drawing: Drawing, track: Track, path: str, message: Detections3D) -> None:
+    """Draw boxes with the names of their objects in the frame of the sensor."""
+    rows = floats(message.boxes).reshape(-1, 10)
+    drawing.in_frame(path, message.frame)
+    drawn = rr.Boxes3D(
+        centers=rows[:, :3], quaternions=rows[:, 3:7], sizes=rows[:, 7:], labels=message.names
+    )
+    drawing.log(path, message.stamp_nanos, drawn)
 
 
 def laser_scan(drawing: Drawing, track: Track, path: str, message: LaserScan) -> None:

@@ -24,7 +24,7 @@ from groundlink.messages.base import (
     WheelEncoders,
     floats,
 )
-from groundlink.messages.ground_truth import TruePoints
+from groundlink.messages.ground_truth import Detections2D, Detections3D, LabeledPoints, TruePoints
 from groundlink.ros.cdr import READERS
 from groundlink.ros.types import STORE
 from groundlink.scenario.rotating_lidar import RotatingLidar
@@ -109,11 +109,18 @@ def true_points(drawing: Drawing, track: Track, path: str, message: TruePoints) 
     _points(drawing, track, path, message, at_once, of_bodies(bodies))
 
 
+def labeled_points(drawing: Drawing, track: Track, path: str, message: LabeledPoints) -> None:
+    """Draw a revolution in the world, in the colors of objects."""
+    records = message.records()
+    colors = of_bodies(records["instance"].astype(np.uint32))
+    _points(drawing, track, path, message, records["time"], colors)
+
+
 def _points(
     drawing: Drawing,
     track: Track,
     path: str,
-    message: PointCloud | TruePoints,
+    message: PointCloud | TruePoints | LabeledPoints,
     seconds: Reals,
     colors: Colors,
 ) -> None:
@@ -275,6 +282,9 @@ FORMS: dict[type[BusMessage], Form] = {
     PointCloud: point_cloud,
     TruePoints: true_points,
     WheelEncoders: wheel_encoders,
+    LabeledPoints: labeled_points,
+    Detections2D: draw_imagery.boxes_in_picture,
+    Detections3D: draw_imagery.boxes_in_space,
     imagery.Image: draw_imagery.image,
     imagery.CompressedImage: draw_imagery.compressed_image,
     imagery.CameraInfo: draw_imagery.camera_info,

@@ -78,7 +78,7 @@ class Track:
 
     def sensor(self, path: str) -> SensorSpec | None:
         """Return the sensor of an entity."""
-        of_sensor = path.removesuffix("/truth")
+        of_sensor = path.removesuffix("/truth").removesuffix("/labeled_points")
         return next((s for s in self.spec.sensors if of_sensor.endswith(f"/{s.name}")), None)
 
     def base_from(self, frame: str) -> Floats | None:

@@ -12,7 +12,7 @@ from groundlink.bus.core_topics import HEALTH, STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.messages.base import BusMessage, Health, Imu, M, PointCloud, Relayed, State
-from groundlink.messages.ground_truth import TruePoints
+from groundlink.messages.ground_truth import LabeledPoints, TruePoints
 from groundlink.messages.imagery import CompressedImage, Image
 from groundlink.messages.navigation import OccupancyGrid
 from groundlink.ros.streams import RosStream, incoming, outgoing
@@ -26,6 +26,7 @@ KEPT: dict[type[BusMessage], int] = {
     Imu: 1000,
     PointCloud: 3,
     TruePoints: 3,
+    LabeledPoints: 3,
     Image: 3,
     CompressedImage: 6,
     OccupancyGrid: 1,
@@ -55,8 +56,8 @@ class ViewerSubscriptions:
         bus.subscribe(HEALTH.key_in(run), Health, self._health)
         for path, stream in self.streams.items():
             depth = KEPT.get(stream.message, KEPT_OF_OTHERS)
-            if stream.message in (PointCloud, TruePoints):
-                depth *= _blocks(scenario, path.removesuffix("/truth"))
+            if stream.message in (PointCloud, TruePoints, LabeledPoints):
+                depth *= _blocks(scenario, "/".join(path.split("/")[:2]))
             box = self._boxes[path] = BusInbox[BusMessage](depth=depth)
             bus.subscribe(stream.key, stream.message, box)
 

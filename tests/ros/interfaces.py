@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The package `simulation_interfaces`, built for tests that need it, outside the environment.
+"""Interface packages, built for tests that need them, outside the environment.
 
-Nothing is installed, so that all other tests have a ROS without it: who wants it puts the folder
+Nothing is installed, so that all other tests have a ROS without them: who wants one puts its folder
 into PYTHONPATH. It is kept between runs for as long as its sources and the build stay the same.
 """
 
@@ -17,21 +17,27 @@ from typing import Any
 from .bodies import ROS_FOLDER
 
 SOURCES = Path(__file__).resolve().parent / "simulation_interfaces"
+VISION_MSGS = ROS_FOLDER / "vision_msgs"
 
 
 def simulation_interfaces(cache: Path) -> Path:
     """Return a folder for PYTHONPATH that holds the package."""
-    command = [sys.executable, "-m", "tests.ros.interfaces", str(cache)]
+    return built(SOURCES, cache)
+
+
+def built(sources: Path, cache: Path) -> Path:
+    """Return a folder for PYTHONPATH that holds the package of some sources."""
+    command = [sys.executable, "-m", "tests.ros.interfaces", str(sources), str(cache)]
     done = subprocess.run(command, text=True, stdout=subprocess.PIPE, check=True, timeout=300)
     return Path(done.stdout.splitlines()[-1])
 
 
-def main(cache: Path) -> None:
+def main(sources: Path, cache: Path) -> None:
     """Build it where `cache` lacks it, and print the folder: the generators are a world of their
     own, with warnings, so they get a process."""
     sys.path.append(str(ROS_FOLDER / "ros2"))
     builder = importlib.import_module("build_messages")
-    package = builder.InterfacePackage(SOURCES)
+    package = builder.InterfacePackage(sources)
     folder = cache / package.content_hash()
     with (cache / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # tests in another process may need it at the same time
@@ -52,4 +58,4 @@ def build_into(folder: Path, package: Any, builder: Any) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -2,6 +2,7 @@
 """Sensor kind `camera`: a color or gray camera. Other kinds never import this package."""
 
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
+from groundlink.scenario.cameras import LABEL_STREAMS
 from groundlink.scenario.sensor_kinds import SensorKind
 
 from .spec import Camera
@@ -12,6 +13,7 @@ KIND = SensorKind(
         "": CompressedImage,
         "image": Image,
         "camera_info": CameraInfo,
+        **LABEL_STREAMS,
     },
     model="services.sensors.camera.model:CameraModel",
     extra="camera",

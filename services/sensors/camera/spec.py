@@ -35,7 +35,7 @@ class Camera(Optics, frozen=True, tag="camera", kw_only=True):
         topics = {} if self.publish == "raw" else {"": f"{self.topic}/compressed"}
         if self.publish != "compressed":
             topics["image"] = self.topic
-        return topics | {"camera_info": info_beside(self.topic)}
+        return topics | {"camera_info": info_beside(self.topic)} | self.label_topics()
 
     def largest_message(self, carrier: Carrier) -> BusMessage:
         """Return a picture of pure noise."""

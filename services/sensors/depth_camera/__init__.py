@@ -3,6 +3,7 @@
 
 from groundlink.messages.base import PointCloud
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
+from groundlink.scenario.cameras import LABEL_STREAMS
 from groundlink.scenario.sensor_kinds import SensorKind
 
 from .spec import DepthCamera
@@ -17,6 +18,7 @@ KIND = SensorKind(
         "color": CompressedImage,
         "color_image": Image,
         "color_info": CameraInfo,
+        **LABEL_STREAMS,
     },
     model="services.sensors.depth_camera.model:DepthCameraModel",
     extra="camera",

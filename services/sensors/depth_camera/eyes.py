@@ -6,6 +6,7 @@ yields no color.
 """
 
 import sys
+from collections.abc import Iterable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -19,6 +20,7 @@ from services.sensors.rays.replica import Replica
 from services.sensors.rendering.gl.context import RenderingUnavailableError, open_context
 from services.sensors.rendering.gl.pinhole import NEAR_M, Pinhole
 from services.sensors.rendering.optics.distortion import lens_pinhole, slopes
+from services.sensors.runtime.model import StreamMessage
 
 from .spec import DepthCamera
 
@@ -52,6 +54,9 @@ class DepthEye(Protocol):
     def look(self, nanos: int, tick: int) -> Sight:
         """Return the exposure that begins at a sim time, with the noise of a tick."""
 
+    def labels(self, nanos: int, stamp_nanos: int) -> Iterable[StreamMessage]:
+        """Return the labels of the picture that `look` returned last, with its stamp."""
+
 
 class DrawnEye:
     """Depth and color by OpenGL."""
@@ -64,15 +69,29 @@ class DrawnEye:
 
         self._is_colored = bool(spec.color or spec.points_topic)
         layers: tuple[Layer, ...] = ("color", "depth") if self._is_colored else ("depth",)
+        if spec.labels:
+            layers = (*layers, "labels", "soils")
         self._camera = CameraEye(scenario, vehicle, spec, layers=layers)
+        self._labels = None
+        if spec.labels:
+            # Only labeled cameras load this module.
+            from services.sensors.labels.picture_labels import PictureLabels
+
+            self._labels = PictureLabels(scenario, vehicle, spec, self._camera)
         self.pinhole, self.slopes = self._camera.pinhole, self._camera.slopes
         self.span_nanos = self._camera.span_nanos
         self.restart, self.take = self._camera.eye.restart, self._camera.eye.take
 
     def look(self, nanos: int, tick: int) -> Sight:
         """Return the exposure that begins at a sim time, with the noise of a tick."""
-        frame = self._camera.taken(nanos, tick)
+        frame = self._taken = self._camera.taken(nanos, tick)
         return Sight(frame.depth_m, frame.color if self._is_colored else None)
+
+    def labels(self, nanos: int, stamp_nanos: int) -> Iterable[StreamMessage]:
+        """Return the labels of the picture that `look` returned last, with its stamp."""
+        if self._labels is None:
+            return ()
+        return self._labels.of_picture(self._taken, nanos, stamp_nanos)
 
 
 class RayEye:
@@ -111,6 +130,10 @@ class RayEye:
         depth_m = np.where(self._lit, hits.range_m + np.float32(NEAR_M), np.float32(np.inf))
         return Sight(depth_m, None)
 
+    def labels(self, nanos: int, stamp_nanos: int) -> Iterable[StreamMessage]:
+        """Return no labels."""
+        return ()
+
 
 def depth_eye(scenario: Scenario, vehicle: Vehicle, spec: DepthCamera) -> DepthEye:
     """Return an OpenGL depth source or, with a log line, a ray-casting one without OpenGL.
@@ -118,12 +141,12 @@ def depth_eye(scenario: Scenario, vehicle: Vehicle, spec: DepthCamera) -> DepthE
     Raises
     ------
     RenderingUnavailableError
-        when color is enabled, but OpenGL is missing or can't draw on this machine.
+        when color or labels are enabled, but OpenGL is missing or can't draw on this machine.
     """
     try:
         return DrawnEye(scenario, vehicle, spec)
     except RenderingUnavailableError as error:
-        if spec.color:
+        if spec.color or spec.labels:
             raise
         print(f"measures depth by rays: {error}", file=sys.stderr, flush=True)
         return RayEye(scenario, vehicle, spec)

@@ -78,7 +78,7 @@ class DepthCameraModel(PictureModel):
                 )
             if "color_image" in outputs:
                 made.append(StreamMessage("color_image", image(*header, "rgb8", color)))
-        return made
+        return [*made, *self._eye.labels(nanos, stamp_nanos)]
 
 
 Reals = NDArray[np.float32]

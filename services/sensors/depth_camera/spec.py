@@ -99,7 +99,7 @@ class DepthCamera(Optics, frozen=True, tag="depth_camera", kw_only=True):
                 topics["color"] = f"{self.color.topic}/compressed"
             if self.color.publish != "compressed":
                 topics["color_image"] = self.color.topic
-        return topics
+        return topics | self.label_topics()
 
     def largest_message(self, carrier: Carrier) -> BusMessage:
         """Return the larger of a cloud with a point for every pixel and an image."""
@@ -110,11 +110,10 @@ class DepthCamera(Optics, frozen=True, tag="depth_camera", kw_only=True):
             "points": -(-self.width // every) * -(-self.height // every) * POINT.itemsize,
             "color": jpeg_bytes(pixels, self.color.jpeg_quality) if self.color else 0,
             "color_image": pixels * 3,
-            "camera_info": 0,
-            "color_info": 0,
+            "instances": pixels * 2,
         }
         frame = carrier.frame_prefix + self.frame
-        largest = max(self.ros_topics(), key=lambda name: sizes[name])
+        largest = max(self.ros_topics(), key=lambda name: sizes.get(name, 0))
         if largest == "points":
             return PointCloud(0, frame, memoryview(bytes(sizes[largest])))
         row = -(-sizes[largest] // self.height)

@@ -61,6 +61,8 @@ class FaultContext:
 def _offset(reading: Reading, fault: specs.Disturbance, offsets: Offsets) -> Reading:
     """Add numbers to the fault's quantity."""
     changes = changes_of(type(reading))
+    if not changes:
+        return reading
     changed: Reading = changes[fault.quantity or next(iter(changes))](reading, offsets)
     return changed
 

@@ -27,7 +27,10 @@ Change = Callable[[Any, Offsets], Any]
 
 @cache
 def changes_of(message: type[BusMessage]) -> dict[str, Change]:
-    """Return how to add to each quantity of a message, the first being the default one."""
+    """Return how to add to each quantity of a message, the first being the default one.
+
+    Labels have none.
+    """
     changes: dict[str, Change] = {}
     for kind in sensor_kinds().values():
         if kind.streams[""] is message:
@@ -41,10 +44,15 @@ def changes_of(message: type[BusMessage]) -> dict[str, Change]:
 
 @cache
 def cover_of(message: type[BusMessage]) -> Callable[[Any, float, float], Any]:
-    """Return the function that removes a sector, begin and width in radians, from a message."""
-    covers = (k.cover for k in sensor_kinds().values() if k.cover and k.streams[""] is message)
-    cover: Callable[[Any, float, float], Any] = load_reference(next(covers))
-    return cover
+    """Return the function that removes a sector, begin and width in radians, from a message.
+
+    Labels stay as they are.
+    """
+    for kind in sensor_kinds().values():
+        if kind.cover and kind.streams[""] is message:
+            cover: Callable[[Any, float, float], Any] = load_reference(kind.cover)
+            return cover
+    return lambda reading, begin_rad, width_rad: reading
 
 
 def _add(field: str, components: int, reading: Reading, offsets: Offsets) -> Reading:

@@ -2,7 +2,7 @@
 """Sensor kind `lidar`: a spinning LiDAR. Other kinds never import this package."""
 
 from groundlink.messages.base import PointCloud
-from groundlink.messages.ground_truth import TruePoints
+from groundlink.messages.ground_truth import Detections3D, LabeledPoints, LabelTable, TruePoints
 from groundlink.scenario.sensor_kinds import SensorKind
 
 from .spec import Lidar
@@ -12,6 +12,10 @@ KIND = SensorKind(
     streams={
         "": PointCloud,
         "truth": TruePoints,
+        "labeled_points": LabeledPoints,
+        "label_info": LabelTable,
+        "instance_info": LabelTable,
+        "boxes_3d": Detections3D,
     },
     model="services.sensors.lidar.model:LidarModel",
     native="services.sensors.lidar.vlp16:vlp16_device",

@@ -36,7 +36,15 @@ class LidarModel:
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Lidar) -> None:
         self._frame = vehicle.frame_prefix + spec.frame
-        self.scanner = Scanner(scenario, vehicle, spec, truth=spec.truth)
+        self.scanner = Scanner(scenario, vehicle, spec, truth=spec.truth, labels=bool(spec.labels))
+        self._labels = None
+        if spec.labels:
+            # Only labeled LiDARs load this module.
+            from services.sensors.labels.cloud_labels import CloudLabels
+
+            self._labels = CloudLabels(
+                *(scenario, vehicle, self.scanner.replica, spec.mount, spec.labels)
+            )
         self.restart, self.behind = self.scanner.restart, self.scanner.behind
         self.settled_tick = self.scanner.settled_tick
         self._seconds: Reals = self.scanner.blocks.since_start(self.scanner.sweep.seconds)
@@ -44,7 +52,7 @@ class LidarModel:
     def readings(self, state: State) -> list[Made]:
         """Take the state of the next tick and return the readings that it completes, oldest first.
 
-        The ground truth follows each cloud if the data sheet enables it.
+        Ground truth and labels follow each cloud if they are enabled.
 
         Raises
         ------
@@ -60,7 +68,7 @@ class LidarModel:
         return found
 
     def _clouds(self, scan: Scan, stamp_nanos: int) -> Iterator[PointCloud | StreamMessage]:
-        """Yield a cloud and, if enabled, its ground truth in the same order.
+        """Yield a cloud and, if enabled, its ground truth and labels in the same order.
 
         Points are ordered by firing, then by the firing order of the lasers; two returns of a ray
         are adjacent. A point is range times direction, from the laser's origin.
@@ -82,3 +90,6 @@ class LidarModel:
         if scan.truth is not None:
             truth = TruePoints(stamp_nanos, self._frame, packed(true_points))
             yield StreamMessage("truth", truth)
+        if self._labels is not None and scan.poses is not None:
+            header = stamp_nanos, self._frame
+            yield from self._labels.of_cloud(*header, points, returns, scan.poses)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Specification of a spinning LiDAR in a scenario. The defaults are those of an ideal one."""
 
+from typing import Literal
+
 import numpy as np
 
 from groundlink.messages.base import POINT, PointCloud, packed
@@ -21,6 +23,12 @@ class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
     truth: bool = False
     """Publish the true position and the body of each point of a cloud on `<topic>/truth`."""
 
+    labels: tuple[Literal["points", "boxes_3d"], ...] = ()
+    """Labels of each cloud under `<topic>/labels`. `points`: the cloud, with class and object of
+    each point. `boxes_3d`: a box around each object with points, in the sensor's frame. Default:
+    none.
+    """
+
     @property
     def truth_topic(self) -> str | None:
         """ROS topic of the ground truth behind the clouds; None if it is not published."""
@@ -33,5 +41,12 @@ class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
         return PointCloud(0, carrier.frame_prefix + self.frame, points)
 
     def ros_topics(self) -> dict[str, str]:
-        """Return the ROS topics of the clouds and, if published, of their ground truth."""
-        return {"": self.topic} | ({"truth": self.truth_topic} if self.truth_topic else {})
+        """Return the ROS topics of the clouds and, if published, of truth and labels."""
+        topics = {"": self.topic} | ({"truth": self.truth_topic} if self.truth_topic else {})
+        beside = ["label_info"] if self.labels else []
+        beside += ["labeled_points", "instance_info"] if "points" in self.labels else []
+        beside += ["boxes_3d"] if "boxes_3d" in self.labels else []
+        names = {"labeled_points": "points"}
+        return topics | {
+            stream: f"{self.topic}/labels/{names.get(stream, stream)}" for stream in beside
+        }

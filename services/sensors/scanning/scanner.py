@@ -103,6 +103,9 @@ class Scan(NamedTuple):
     truth: TrueReturns | None
     """Ground truth of these returns, if enabled."""
 
+    poses: Floats | None
+    """World_from_link at `nanos`, shape (links, 7), if labels are enabled."""
+
 
 class Scanner:
     """A rotating LiDAR on a vehicle.
@@ -121,8 +124,15 @@ class Scanner:
     """
 
     def __init__(
-        self, scenario: Scenario, vehicle: Vehicle, spec: RotatingLidar, *, truth: bool = False
+        self,
+        scenario: Scenario,
+        vehicle: Vehicle,
+        spec: RotatingLidar,
+        *,
+        truth: bool = False,
+        labels: bool = False,
     ) -> None:
+        self._has_labels = labels
         self._max_range_m = spec.max_range_m
         self._schedule = Schedule.at(spec.rotation_rate_hz)
         self.sweep = Sweep(spec)
@@ -196,7 +206,8 @@ class Scanner:
             nanos, truth = self.blocks.nanos(block), None
             if self._true_view is not None:
                 truth = self._true_view.see(cast, of_cast, nanos)
-            scans.append(Scan(nanos, revolution, own, cast.returns.of(of_cast), truth))
+            poses = self.replica.at(nanos) if self._has_labels else None
+            scans.append(Scan(nanos, revolution, own, cast.returns.of(of_cast), truth, poses))
         return scans
 
     def measure(self, revolution: int, firings: range) -> Cast:

@@ -2,6 +2,7 @@
 """Sensor kind `stereo_camera`. Other kinds never import this package."""
 
 from groundlink.messages.imagery import CameraInfo, CompressedImage, Image
+from groundlink.scenario.cameras import LABEL_STREAMS
 from groundlink.scenario.sensor_kinds import SensorKind
 
 from .spec import StereoCamera
@@ -15,6 +16,7 @@ KIND = SensorKind(
         "right": Image,
         "right_compressed": CompressedImage,
         "right_camera_info": CameraInfo,
+        **LABEL_STREAMS,
     },
     model="services.sensors.stereo_camera.model:StereoCameraModel",
     extra="camera",

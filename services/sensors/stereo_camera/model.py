@@ -11,6 +11,7 @@ from groundlink.messages.base import BusMessage
 from groundlink.scenario.schema import Scenario, Vehicle
 from services.sensors.rendering.cameras.camera_eye import CameraEye
 from services.sensors.rendering.cameras.messages import ENCODINGS, camera_info, image, jpeg
+from services.sensors.rendering.gl.target import COLOR_ALONE, COLOR_AND_LABELS
 from services.sensors.runtime.model import StreamMessage
 from services.sensors.runtime.picture_times import PictureModel
 
@@ -37,20 +38,37 @@ class StereoCameraModel(PictureModel):
         self._eyes = CameraEye(
             *(scenario, vehicle, spec),
             encoding=spec.encoding,
+            layers=COLOR_AND_LABELS if spec.labels else COLOR_ALONE,
             to_the_right_m=(0.0, spec.baseline_m),
         )
+        self._labels = None
+        if spec.labels:
+            # Only labeled cameras load this module.
+            from services.sensors.labels.picture_labels import PictureLabels
+
+            self._labels = PictureLabels(scenario, vehicle, spec, self._eyes)
         super().__init__(spec, self._eyes.eye, span_nanos=self._eyes.span_nanos)
         self._frame = vehicle.frame_prefix + spec.frame
         self._outputs = spec.ros_topics().keys()
 
     def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[BusMessage | StreamMessage]:
-        """Return the messages of both pictures whose exposure begins at an instant."""
+        """Return the messages of both pictures whose exposure begins at an instant.
+
+        Labels are those of the left one.
+        """
         spec, header = self._spec, (stamp_nanos, self._frame)
         made: list[BusMessage | StreamMessage] = []
+        left = None
+        if self._labels is not None:
+            frame = self._eyes.taken(nanos, tick)
+            left = frame.color
+            made += self._labels.of_picture(frame, nanos, stamp_nanos)
         for eye, ((raw, compressed, info), baseline_m) in enumerate(
             ((LEFT, 0.0), (RIGHT, spec.baseline_m))
         ):
-            color = self._eyes.read(nanos, tick, eye=eye)
+            color = left if left is not None and eye == 0 else None
+            if color is None:
+                color = self._eyes.read(nanos, tick, eye=eye)
             info_message = camera_info(
                 *header, self._eyes.pinhole, spec.lens, baseline_m=baseline_m
             )

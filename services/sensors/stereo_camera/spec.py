@@ -45,7 +45,7 @@ class StereoCamera(Optics, frozen=True, tag="stereo_camera", kw_only=True):
         return self.encoding
 
     def ros_topics(self) -> dict[str, str]:
-        """Return the topics of both cameras, as stereo_image_proc expects them."""
+        """Return the topics of both cameras, as stereo_image_proc expects them, and of labels."""
         topics = {
             "camera_info": info_beside(self.topic),
             "right_camera_info": info_beside(self.right_topic),
@@ -55,7 +55,7 @@ class StereoCamera(Optics, frozen=True, tag="stereo_camera", kw_only=True):
         if self.publish != "raw":
             topics["compressed"] = f"{self.topic}/compressed"
             topics["right_compressed"] = f"{self.right_topic}/compressed"
-        return topics
+        return topics | self.label_topics()
 
     def largest_message(self, carrier: Carrier) -> BusMessage:
         """Return a picture of pure noise of one camera."""

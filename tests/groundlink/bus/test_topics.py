@@ -35,6 +35,8 @@ def test_every_kind_of_stream_can_be_declared_and_is_a_ros_message() -> None:
     others = {
         *(messages.Clock, messages.Command),
         *(ground_truth.Bodies, ground_truth.TruePoints, navigation.Text),
+        *(ground_truth.LabeledPoints, ground_truth.LabelTable),
+        *(ground_truth.Detections2D, ground_truth.Detections3D),
     }
     assert {topic.message for topic in STREAM_TOPICS.values()} == set(ROS_CODECS) - others
 

@@ -26,6 +26,8 @@ from groundlink.scenario.faults import Bias, Stuck
 
 TRUE_POINTS = np.zeros(2, ground_truth.TRUE_POINT)
 TRUE_POINTS["z"], TRUE_POINTS["body"] = [1.5, -2], [0, 2**32 - 1]
+LABELED_POINTS = np.zeros(2, ground_truth.LABELED_POINT)
+LABELED_POINTS["z"], LABELED_POINTS["instance"] = [1.5, -2], [0, 65535]
 POINTS = np.zeros(3, POINT)
 POINTS["x"], POINTS["ring"], POINTS["time"] = [1.5, -2, 3], [0, 7, 65535], [0, 0.05, 0.1]
 
@@ -90,6 +92,17 @@ EXAMPLES: list[BusMessage] = [
     navigation.Text(20, "<robot/>"),
     navigation.NavSatFix(20, "gps", 0, 9, 50.25, 18.5, 250.0, packed(np.diag([1.0, 1.0, 4.0])), 2),
     ground_truth.TruePoints(8, "lidar", packed(TRUE_POINTS)),
+    ground_truth.LabeledPoints(8, "lidar", packed(LABELED_POINTS)),
+    ground_truth.LabelTable(8, "lidar", ("table", "chair"), packed(np.uint16([5, 65535]))),
+    ground_truth.Detections2D(
+        *(10, "camera", ("table_1", "rover"), packed(np.uint16([5, 32]))),
+        *(packed(np.array([0.25, 1.0])), packed(np.arange(8.0))),
+    ),
+    ground_truth.Detections3D(
+        *(10, "camera", ("table_1",), packed(np.uint16([5])), packed(np.array([0.25]))),
+        packed(np.arange(10.0)),
+        clock_error_nanos=-7,
+    ),
     ground_truth.Bodies(21, ("rover/base_link", "wall"), packed(np.arange(14.0))),
     Relayed(22, "nav_msgs/msg/Path", memoryview(bytes(24))),
     messages.Ack(10, 11, -1, b"7", {"rover": 10}),
@@ -119,6 +132,8 @@ def read(payload: bytes, message_type: type[BusMessage]) -> None:
         assert message.world_from_body().shape == (len(message.names), 7)
     if isinstance(message, ground_truth.TruePoints):
         assert message.records().dtype == ground_truth.TRUE_POINT
+    if isinstance(message, ground_truth.LabeledPoints):
+        assert message.records().dtype == ground_truth.LABELED_POINT
     if isinstance(message, messages.PointCloud):
         assert message.records().dtype == POINT
     encode(message)

@@ -68,7 +68,9 @@ def test_subscribe_vector_matches_its_json() -> None:
 
 def test_every_type_of_the_wire_is_on_the_bus() -> None:
     of_ros = set(NUMBER_OF_ROS_TYPE)
-    assert of_ros == {form.ros_type for form in ROS_CODECS.values()} | {TWIST, TWIST_STAMPED, PATH}
+    of_bus = {form.ros_type for form in ROS_CODECS.values()}
+    by_name = {kind for kind in of_bus if kind.startswith("vision_msgs/")}
+    assert of_ros == of_bus - by_name | {TWIST, TWIST_STAMPED, PATH}
     from_ros = {
         name
         for name, number in NUMBER_OF_ROS_TYPE.items()

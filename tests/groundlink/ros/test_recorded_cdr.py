@@ -20,7 +20,18 @@ from groundlink.messages.base import (
     PointCloud,
     WheelEncoders,
 )
-from groundlink.messages.ground_truth import TRUE_POINT, Bodies, Contact, TruePoints, Vitals
+from groundlink.messages.ground_truth import (
+    LABELED_POINT,
+    TRUE_POINT,
+    Bodies,
+    Contact,
+    Detections2D,
+    Detections3D,
+    LabeledPoints,
+    LabelTable,
+    TruePoints,
+    Vitals,
+)
 from groundlink.messages.missing_readings import CAUSES, MissingReadings, MissingSpan
 from groundlink.ros.cdr import CODECS, from_cdr, to_cdr
 from groundlink.ros.codec import Moment
@@ -102,6 +113,20 @@ def bodies(draw: Any) -> Bodies:
     return Bodies(draw(STAMP), tuple(names), draw(numbers(7 * len(names))))
 
 
+@st.composite
+def detections(draw: Any, message: type[Detections2D | Detections3D], columns: int) -> Any:
+    names = tuple(draw(st.lists(FRAME, max_size=3)))
+    count = len(names)
+    arrays = draw(numbers(count, 2)), draw(numbers(count)), draw(numbers(columns * count))
+    return message(draw(STAMP), draw(FRAME), names, *arrays)
+
+
+@st.composite
+def tables(draw: Any) -> LabelTable:
+    names = tuple(draw(st.lists(FRAME, max_size=4)))
+    return LabelTable(draw(STAMP), draw(FRAME), names, draw(numbers(len(names), 2)))
+
+
 TICK = st.integers(0, 10**9)
 CONTACT = st.builds(Contact, FRAME, st.floats(0, 1e6), TICK, TICK)
 MISSING_SPAN = st.builds(
@@ -123,6 +148,13 @@ ANY: dict[type[BusMessage], st.SearchStrategy[Any]] = {
         TruePoints,
         *(STAMP, FRAME, st.integers(0, 9).flatmap(lambda n: numbers(n, TRUE_POINT.itemsize))),
     ),
+    LabeledPoints: st.builds(
+        LabeledPoints,
+        *(STAMP, FRAME, st.integers(0, 9).flatmap(lambda n: numbers(n, LABELED_POINT.itemsize))),
+    ),
+    LabelTable: tables(),
+    Detections2D: detections(Detections2D, 4),
+    Detections3D: detections(Detections3D, 10),
     WheelEncoders: encoders(),
     imagery.Image: image(),
     imagery.CompressedImage: st.builds(

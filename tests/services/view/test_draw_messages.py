@@ -34,7 +34,14 @@ from groundlink.messages.base import (
     WheelEncoders,
     packed,
 )
-from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
+from groundlink.messages.ground_truth import (
+    LABELED_POINT,
+    TRUE_POINT,
+    Detections2D,
+    Detections3D,
+    LabeledPoints,
+    TruePoints,
+)
 from groundlink.ros.cdr import to_cdr
 from groundlink.ros.streams import RosStream
 from groundlink.ros.types import STORE, TYPES, header, pose
@@ -94,6 +101,7 @@ def odometry() -> navigation.Odometry:
 
 
 SCAN = (STAMP, "lidar_link", 0.0, 0.1, 0.001, 0.1, 0.1, 10.0)
+ONE_OBJECT = packed(np.array([5], np.uint16)), packed(np.array([0.5]))
 JPEG = memoryview(b"\xff\xd8\xff\xe0 as it is")
 GRID = navigation.OccupancyGrid(
     STAMP, "world", STAMP, 0.5, 2, 1, (0, 0, 0), UP, packed(np.array([-1, 100], np.int8))
@@ -136,6 +144,23 @@ CASES: dict[type[BusMessage], tuple[BusMessage, str, type | None]] = {
     Imu: (Imu(STAMP, "imu_link", UP, (0, 0, 1), (0, 0, 9), 0, 0, 0), "rover/x/acceleration", None),
     PointCloud: (cloud([(1, 0, 0, 80, 3, 0)]), "rover/x", rr.Points3D),
     TruePoints: (true_points([(1, 0, 0, 80, 3, 0, 7)]), "rover/x", rr.Points3D),
+    LabeledPoints: (
+        LabeledPoints(
+            STAMP, "lidar_link", packed(np.array([(1, 0, 0, 80, 3, 0, 5, 7)], LABELED_POINT))
+        ),
+        "rover/x",
+        rr.Points3D,
+    ),
+    Detections2D: (
+        Detections2D(STAMP, "cam", ("table_1",), *ONE_OBJECT, packed(np.ones(4))),
+        "rover/x",
+        rr.Boxes2D,
+    ),
+    Detections3D: (
+        Detections3D(STAMP, "cam", ("table_1",), *ONE_OBJECT, packed(np.ones(10))),
+        "rover/x",
+        rr.Boxes3D,
+    ),
     WheelEncoders: (encoders(5, STAMP), "rover/x", None),
     imagery.Image: (
         imagery.Image(STAMP, "cam", 2, 4, "rgb8", 16, memoryview(bytes(32))),
@@ -187,7 +212,9 @@ CASES: dict[type[BusMessage], tuple[BusMessage, str, type | None]] = {
 
 def test_all_that_ros_sees_of_a_vehicle_is_drawn() -> None:
     truths = [GROUND_TRUTH, TRUE_WHEELS, OUTPUTS["lidar"]["truth"]]
-    rows = [COMMAND, *truths, *STREAM_TOPICS.values(), *FROM_ROS.values(), RELAYED]
+    labels = [OUTPUTS["lidar"]["labeled_points"], OUTPUTS["camera"]["boxes_2d"]]
+    labels.append(OUTPUTS["camera"]["boxes_3d"])
+    rows = [COMMAND, *truths, *labels, *STREAM_TOPICS.values(), *FROM_ROS.values(), RELAYED]
     assert {row.message for row in rows} == set(FORMS) == set(CASES)
 
 

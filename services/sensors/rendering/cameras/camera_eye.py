@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from groundlink.core.frames import Floats
 from groundlink.scenario.cameras import Optics
 from groundlink.scenario.schema import Scenario, Vehicle
 from services.sensors.noise.random_streams import RandomStreams
@@ -113,6 +114,17 @@ class CameraEye:
         if self._is_colored and color is None:
             color = self._electronics[0].read(self._filtered(middle.color), tick)
         return middle if color is None else replace(middle, color=color)
+
+    def visible_shares(self, labels: Sequence[int]) -> list[float]:
+        """Return the visible share of objects in the picture that `taken` returned last.
+
+        Of what the pinhole shows, which is a little more than the picture if the lens distorts.
+        """
+        return self.eye.renderer.visible_shares(labels)
+
+    def poses(self, nanos: int) -> Floats:
+        """Return world_from_link in the middle of the exposure that begins at a sim time."""
+        return self.eye.around.at(nanos + self._shutter.middle_nanos)
 
     def _seen(self, nanos: int, eye: int) -> Frame:
         """Return the picture behind the lens of an eye at a sim time, as for `Eye.move`."""

@@ -39,6 +39,7 @@ class Eye:
     ----------
     pinhole : Pinhole
     renderer : Renderer
+    around : WorldReplica
     """
 
     def __init__(
@@ -53,15 +54,15 @@ class Eye:
     ) -> None:
         self._span_nanos = span_nanos
         self.pinhole = pinhole or Pinhole.of(spec)
-        self._around = WorldReplica(scenario, vehicle, spec.mount.xyz_m)
+        self.around = WorldReplica(scenario, vehicle, spec.mount.xyz_m)
         self._base_from_optical = transform(spec.mount.xyz_m, spec.mount.quaternion(optical=True))
         self.renderer = Renderer(
-            scenario.world, self._around, self.pinhole, layers=layers, samples=spec.samples
+            scenario.world, self.around, self.pinhole, layers=layers, samples=spec.samples
         )
 
     def restart(self) -> None:
         """Forget all states."""
-        self._around.restart()
+        self.around.restart()
 
     def take(self, state: State) -> None:
         """Store the poses of the next tick, and keep those of the span before it.
@@ -71,17 +72,17 @@ class Eye:
         BadBusMessage
             If a vehicle or a link is missing.
         """
-        self._around.take(state)
-        self._around.forget(state.tick - 1 - -(-self._span_nanos // TICK_NANOS))
+        self.around.take(state)
+        self.around.forget(state.tick - 1 - -(-self._span_nanos // TICK_NANOS))
 
     def move(self, nanos: int) -> Floats:
         """Set the world to a sim time; return world_from_optical at that time, shape (4, 4).
 
         The time is between the oldest stored state and the newest.
         """
-        poses = self._around.at(nanos)
+        poses = self.around.at(nanos)
         self.renderer.place(poses)
-        base = poses[self._around.base]
+        base = poses[self.around.base]
         world_from_optical: Floats = transform(base[:3], base[3:]) @ self._base_from_optical
         return world_from_optical
 

@@ -44,7 +44,12 @@ class Programs(NamedTuple):
 
 
 def programs(
-    context: moderngl.Context, light: Lighting, truths: Sequence[bool], *, ground: int = 0
+    context: moderngl.Context,
+    light: Lighting,
+    truths: Sequence[bool],
+    *,
+    ground: int = 0,
+    soils: bool = False,
 ) -> Programs:
     """Return the programs with their constant uniforms set.
 
@@ -54,6 +59,8 @@ def programs(
         For each pass, whether it draws depth and labels instead of colors.
     ground
         Number of the terrain's materials; 0 without terrain.
+    soils
+        Whether each of these materials has a label of its own.
     """
     lights, has_window = len(light.lights), light.window_m is not None
     defines = {
@@ -76,7 +83,9 @@ def programs(
             surface=made("surface", "surface", TRUTH=truth),
             bumped=made("surface", "surface", TRUTH=truth, BUMPS=True),
             sky=made("sky", "sky", TRUTH=truth),
-            ground=made("ground", "surface", TRUTH=truth, GROUND=ground) if ground else None,
+            ground=made("ground", "surface", TRUTH=truth, GROUND=ground, SOILS=soils)
+            if ground
+            else None,
         )
         for truth in truths
     )

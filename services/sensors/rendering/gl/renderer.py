@@ -7,7 +7,7 @@ of view (two eyes, the poses during an exposure) draw several times.
 """
 
 import weakref
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import moderngl
@@ -27,6 +27,7 @@ from .culling import from_near_to_far, seen
 from .ground import DrawnGround
 from .programs import BASE, SHADOWS, programs, put, put_matrix
 from .shadows import ShadowMaps
+from .silhouettes import Silhouettes
 from .stage import Stage, Things
 from .target import ColorTarget, Frame, Layer, TruthTarget
 
@@ -86,7 +87,8 @@ class Renderer:
         )
         self._targets = [target for target in (self._color, self._truth) if target]
         truths = [target.truth for target in self._targets]
-        self._programs = programs(context, light, truths, ground=kinds)
+        has_soils = "soils" in layers
+        self._programs = programs(context, light, truths, ground=kinds, soils=has_soils)
         self._skies = [context.vertex_array(one.sky, []) for one in self._programs.passes]
         self.labels = Labels(
             {solid.name for solid in world.solids},
@@ -95,13 +97,20 @@ class Renderer:
         self._stage = Stage(context, self._programs, around, world.materials, self.labels)
         self._ground: DrawnGround | None = None
         if terrain:
-            number, *_ = self.labels.of_solids([BODY])
+            number = (
+                self.labels.of_soils(BODY, terrain.materials)
+                if has_soils
+                else self.labels.of_solids([BODY])[0]
+            )
             grounds = [one.ground for one in self._programs.passes if one.ground]
             self._ground = DrawnGround(context, grounds, terrain, world.materials, light, number)
+        self._around, self._materials = around, world.materials
+        self._silhouettes: Silhouettes | None = None
         self._shadows = ShadowMaps(context, self._stage, self._programs.shadow, light)
         self._textures: dict[Skin, list[moderngl.Texture]] = {}
         self._pinhole = pinhole
         self._nothing = Frame(np.empty((0, 0, 3), np.uint8), np.empty((0, 0), np.float32), None)
+        self._clip_from_world: Floats = np.eye(4)
         self.exposure = 1.0
 
     @property
@@ -125,11 +134,32 @@ class Renderer:
         with self._context:
             return self._drawn(world_from_optical)
 
+    def visible_shares(self, labels: Sequence[int]) -> list[float]:
+        """Return which share of each object's pixels the view that was drawn last shows.
+
+        The whole is what it would show if nothing were in front of the object. Objects must be
+        visible, and the renderer must draw labels.
+        """
+        assert self._truth is not None
+        with self._context:
+            if self._silhouettes is None:
+                self._silhouettes = Silhouettes(
+                    *(self._context, self._stage, self._around, self._materials, self.labels),
+                    target=self._truth,
+                    number=len(self._skies) - 1,
+                    sky=self._skies[-1],
+                )
+            shown = self._truth.counts(len(self.labels.instances))
+            return [
+                float(shown[label] / self._silhouettes.covered(label, self._clip_from_world))
+                for label in labels
+            ]
+
     def _drawn(self, world_from_optical: Floats) -> Frame:
         eye, world_from_turned = world_from_optical[:3, 3], world_from_optical[:3, :3]
         clip_from_turned = self._pinhole.clip_from_optical()
         clip_from_turned[:, :3] @= world_from_turned.T
-        clip_from_world = clip_from_turned.copy()
+        clip_from_world = self._clip_from_world = clip_from_turned.copy()
         clip_from_world[:, 3] -= clip_from_turned[:, :3] @ eye
         if self._color:
             self._shadows.update(eye)

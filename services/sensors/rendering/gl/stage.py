@@ -85,6 +85,8 @@ class Stage:
         One for each kind of link and texture.
     movers : list of Outline
         Current place of each vehicle and actor.
+    matrices : array, shape (links, 4, 4)
+        Current world_from_link.
     """
 
     def __init__(
@@ -97,7 +99,8 @@ class Stage:
     ) -> None:
         self._context, self._programs = context, programs
         self._skins: dict[str, Skin] = {}
-        self._at_rest = context.buffer(_instances(np.eye(4)[None], [0]).tobytes())
+        self._at_rest = self.instances(1)
+        self.write(self._at_rest, np.eye(4)[None])
         numbers = labels.of_solids(solid.name for solid in around.static)
         self.standing: list[DrawCall] = []
         self.boxes = boxes_around([])
@@ -115,9 +118,9 @@ class Stage:
             looks = around.links[links[0]]
             if not looks:
                 continue
-            buffer = context.buffer(reserve=len(links) * _INSTANCE.itemsize)
+            buffer = self.instances(len(links))
             made = meshes(looks, [0] * len(looks), materials, self._skins)
-            self.moving += [self._part(mesh, buffer, len(links)) for mesh in made]
+            self.moving += [self.part(mesh, buffer, len(links)) for mesh in made]
             self._groups.append((links, buffer))
             corners[links] = boxes_around(made).whole().corners()
         self._link_corners = corners
@@ -126,24 +129,36 @@ class Stage:
             for mover in dict.fromkeys(around.movers)
         ]
         self.movers: list[Outline] = []
+        self.matrices: Floats = np.empty((0, 4, 4))
 
     def add(self, mesh: SkinnedMesh) -> None:
         """Add a mesh that belongs to no solid, in the world's frame."""
         chunks = list(cut(mesh, self._chunk_m))
-        self.standing += [self._part(chunk, self._at_rest, 1) for chunk in chunks]
+        self.standing += [self.part(chunk, self._at_rest, 1) for chunk in chunks]
         self.boxes = self.boxes.joined(boxes_around(chunks))
 
     def place(self, world_from_link: Floats) -> None:
         """Set the pose of every link: position and quaternion, shape (links, 7)."""
-        matrices = transform(world_from_link[:, :3], world_from_link[:, 3:])
+        matrices = self.matrices = transform(world_from_link[:, :3], world_from_link[:, 3:])
         for links, buffer in self._groups:
             numbers = [self._mover_labels[link] for link in links]
-            buffer.write(_instances(matrices[links], numbers).tobytes())
+            self.write(buffer, matrices[links], numbers)
         corners = self._link_corners @ np.swapaxes(matrices[:, :3, :3], 1, 2)
         corners += matrices[:, None, :3, 3]
         self.movers = [Outline(world_from_link[i], corners[i]) for i in self._links_of]
 
-    def _part(self, mesh: SkinnedMesh, instances: moderngl.Buffer, count: int) -> DrawCall:
+    def instances(self, count: int) -> moderngl.Buffer:
+        """Return a buffer for the matrices and labels of instances, for `part`."""
+        return self._context.buffer(reserve=count * _INSTANCE.itemsize)
+
+    def write(
+        self, instances: moderngl.Buffer, matrices: Floats, labels: Sequence[int] = (0,)
+    ) -> None:
+        """Set the poses of instances, shape (instances, 4, 4), and their labels."""
+        instances.write(_instances(matrices, labels).tobytes())
+
+    def part(self, mesh: SkinnedMesh, instances: moderngl.Buffer, count: int) -> DrawCall:
+        """Return the draw call of a mesh at the poses of instances."""
         vertices = self._context.buffer(mesh.vertices.tobytes())
         faces = self._context.buffer(mesh.faces.tobytes())
         programs = self._programs

@@ -13,16 +13,23 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from groundlink.core.frames import Floats
+
 from .shaders import shader
 
-Layer = Literal["color", "depth", "labels"]
+Layer = Literal["color", "depth", "labels", "soils"]
+"""`soils` gives each material of the terrain a label of its own."""
 
 COLOR_ALONE: tuple[Layer, ...] = ("color",)
+COLOR_AND_LABELS: tuple[Layer, ...] = ("color", "labels", "soils")
 ALL_LAYERS: tuple[Layer, ...] = ("color", "depth", "labels")
 
 FINER = {1: 1, 4: 1, 16: 2}
 """Rendered pixels along each side of an output pixel, by samples per pixel. A rendered pixel has up
 to four samples."""
+
+MARGIN = 2.0
+"""Pixels around the projections of points in which what they enclose is drawn."""
 
 MOST_AT_ONCE = 4
 """Samples of a rendered pixel that OpenGL 3.3 guarantees."""
@@ -97,6 +104,7 @@ class TruthTarget:
 
     def __init__(self, context: moderngl.Context, width: int, height: int, *, labels: bool) -> None:
         size = (width, height)
+        self._size = size
         layers = [context.texture(size, 1, dtype="f4")]
         if labels:
             layers.append(context.texture(size, 1, dtype="i4"))
@@ -111,6 +119,37 @@ class TruthTarget:
         self._nearest.use()
         self._nearest.clear()
         self._frame.use()
+
+    def begin_part(self, corners: Floats, clip_from_world: Floats) -> int:
+        """Clear the depth where points of the world, shape (N, 3), may be, and draw only there.
+
+        `end_part` ends it.
+
+        Returns
+        -------
+        Number of pixels of this rectangle, at least one.
+        """
+        clip = corners @ clip_from_world[:, :3].T + clip_from_world[:, 3]
+        low, high = np.zeros(2), np.array(self._size)
+        if np.all(clip[:, 3] > 0):
+            places = (clip[:, :2] / clip[:, 3:] + 1) / 2 * self._size
+            low = np.clip(np.floor(places.min(axis=0)) - MARGIN, 0, high - 1)
+            high = np.clip(np.ceil(places.max(axis=0)) + MARGIN, low + 1, high)
+        left, top, width, height = np.concatenate([low, high - low]).astype(int).tolist()
+        self._frame.scissor = left, top, width, height
+        self._nearest.use()
+        self._nearest.clear(viewport=self._frame.scissor)
+        self._frame.use()
+        return int(width * height)
+
+    def end_part(self) -> None:
+        """Draw everywhere again."""
+        self._frame.scissor = 0, 0, *self._size
+
+    def counts(self, most: int) -> NDArray[np.intp]:
+        """Return the pixels of each label below `most` in the picture that was read last."""
+        assert self._labels is not None
+        return np.bincount(self._labels.ravel() + 1, minlength=most + 1)[1:]
 
     def read(self) -> tuple[NDArray[np.float32], NDArray[np.int32] | None]:
         """Return depth, and labels if they are drawn."""

@@ -6,7 +6,7 @@ piece of clutter. Its class is its name without the number.
 """
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 NONE = -1
 """Label of pixels without an object: the sky."""
@@ -41,6 +41,13 @@ class Labels:
         """Return the label of each static solid."""
         things = [_thing(name, self._own) for name in names]
         return [self._label(thing, re.sub(r"_\d+$", "", thing)) for thing in things]
+
+    def of_soils(self, terrain: str, materials: Sequence[str]) -> int:
+        """Return the first label of a terrain; each material has one, and is its class."""
+        first = len(self.instances)
+        self.instances += [terrain] * len(materials)
+        self.classes += materials
+        return first
 
     def of_mover(self, name: str) -> int:
         """Return the label of a vehicle or an actor."""

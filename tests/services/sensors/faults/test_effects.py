@@ -11,6 +11,12 @@ import pytest
 from scipy import stats
 
 from groundlink.messages.base import BusMessage, Imu, PointCloud, Reading, State, WheelEncoders
+from groundlink.messages.ground_truth import (
+    Detections2D,
+    Detections3D,
+    LabeledPoints,
+    LabelTable,
+)
 from groundlink.messages.imagery import LaserScan, Range
 from groundlink.messages.navigation import NavSatFix, Odometry
 from groundlink.scenario.faults import (
@@ -89,7 +95,9 @@ def test_every_sensor_has_its_quantities_and_every_kind_its_effect() -> None:
         assert not kind.cover or callable(cover_of(message))
     found = {(message, name) for message in READINGS for name in changes_of(message)}
     assert found == set(VALUES)
-    assert set(READINGS) == set(Reading.__subclasses__())
+    labels = {LabeledPoints, LabelTable, Detections2D, Detections3D}
+    assert set(READINGS) | labels == set(Reading.__subclasses__())
+    assert not any(changes_of(message) for message in labels)
     assert set(EFFECTS) == set(KINDS.values())
 
 

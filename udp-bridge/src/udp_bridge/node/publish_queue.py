@@ -90,7 +90,7 @@ class _Channel:
         self.row = row
         self.topic = topic
         self.offset = offset
-        self.qos = publisher_qos(row.name, topic)
+        self.qos = publisher_qos(row.name, topic, row.ros_type)
         self.waiting: Deque[Tuple[Message, Address]] = deque()
         self.publication: Optional[Publication] = None
         self.refused_as = ""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Optional
 
 
 class TopicQos(NamedTuple):
@@ -41,16 +41,22 @@ _PUBLISHED = {
     "Typed": TopicQos(depth=50, waiting=3, waiting_bytes=1 << 20),
 }
 
+# By ROS type, of those without a wire type of their own: a table that late subscribers need, and
+# for which vision_msgs asks for a latched topic.
+_PUBLISHED_BY_NAME = {
+    "vision_msgs/msg/LabelInfo": TopicQos(depth=1, waiting=3, is_latched=True),
+}
+
 _STATIC_TRANSFORMS = TopicQos(depth=16, waiting=16, is_latched=True, is_repeated=True)
 STATIC_TRANSFORMS_TOPIC = "tf_static"
 # A String is a robot description; robot_state_publisher latches it, too.
 _DESCRIPTION = TopicQos(depth=1, waiting=16, is_latched=True, is_repeated=True)
 
 
-def publisher_qos(type_name: str, topic: str) -> TopicQos:
-    """Return how a wire type is published on a topic."""
+def publisher_qos(type_name: str, topic: str, ros_type: Optional[str] = None) -> TopicQos:
+    """Return how a wire type, or a ROS type without one, is published on a topic."""
     if type_name == "TFMessage" and topic.rsplit("/", 1)[-1] == STATIC_TRANSFORMS_TOPIC:
         return _STATIC_TRANSFORMS
     if type_name == "String":
         return _DESCRIPTION
-    return _PUBLISHED.get(type_name, _SMALL)
+    return _PUBLISHED_BY_NAME.get(ros_type or "") or _PUBLISHED.get(type_name, _SMALL)

@@ -4,7 +4,7 @@
 // Lighting is diffuse: mirrors and gloss are not modeled.
 //
 // TRUTH: depth and labels instead of colors. GROUND: terrain instead of meshes; number of its
-// materials. BUMPS: normal maps. LIGHTS: number of lights, which are the SUN or lamps. MAPS: number
+// materials. SOILS: each of these materials has a label. BUMPS: normal maps. LIGHTS: number of lights, which are the SUN or lamps. MAPS: number
 // of shadow maps. WINDOW: the last one is around the eye. FOG: there is fog.
 
 #ifdef GROUND
@@ -45,7 +45,11 @@ layout(location = 1) out int label;
 
 void main() {
     depth = ahead_m;
+#ifdef SOILS
+    label = thing + int(texture(kinds, cells_at.xy + cells_at.zw * seen.xy).r);
+#else
     label = thing;
+#endif
 }
 #else
 layout(location = 0) out vec4 color;
