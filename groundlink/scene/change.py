@@ -78,9 +78,10 @@ def with_more(
 
 
 def without(scenario: Scenario, name: str) -> Scenario:
-    """Return a scenario without a vehicle, an actor or a solid.
+    """Return a scenario without a vehicle, an actor or a solid of exactly this name.
 
-    All solids whose names begin with the name and an underscore are parts of the same object.
+    If there is none, all solids whose names begin with the name and an underscore are removed: the
+    parts of an object.
 
     Raises
     ------
@@ -93,7 +94,9 @@ def without(scenario: Scenario, name: str) -> Scenario:
     if not vehicles:
         raise UserError(f"`{name}` is the run's only vehicle. Fix: spawn another one first")
     actors = tuple(actor for actor in world.actors if actor.name != name)
-    left = tuple(solid for solid in world.solids if not f"{solid.name}_".startswith(f"{name}_"))
+    left = tuple(solid for solid in world.solids if solid.name != name)
+    if name not in _all_names(frozen):
+        left = tuple(solid for solid in left if not solid.name.startswith(f"{name}_"))
     changed = replace(frozen, vehicles=vehicles, world=replace(world, actors=actors, solids=left))
     if changed == frozen:
         if any(f"{solid.name}_".startswith(f"{name}_") for solid in solids(scenario)):

@@ -37,7 +37,9 @@ def add_parser(subparsers: Subparsers) -> None:
     put.set_defaults(command=spawn)
     take = subparsers.add_parser("remove", help="remove a vehicle or an obstacle from a run")
     take.add_argument(
-        "name", help="name of a vehicle, actor or solid, or the prefix of a group of solids"
+        "name",
+        help="name of a vehicle, actor or solid; if there is none, the solids whose names begin "
+        "with NAME and `_`",
     )
     take.set_defaults(command=remove)
     for parser in (put, take):

@@ -66,6 +66,15 @@ def test_additions_can_be_removed(lab: Scenario, kind: str) -> None:
     assert link_bodies(again) == link_bodies(lab)
 
 
+@pytest.mark.parametrize("kind", ["box", "crate", "rover"])
+def test_an_exact_name_removes_no_other_that_begins_with_it(lab: Scenario, kind: str) -> None:
+    first = made(kind, SpawnPlace(1.0, 0.0), name="thing", taken=("rover/base_link",))
+    second = made("box", SpawnPlace(0.0, -2.0), name="thing_2")
+    left = without(grown(grown(lab, first), second), "thing")
+    assert solids(left) == solids(grown(lab, second))
+    assert link_bodies(left) == link_bodies(lab)
+
+
 def test_clutter_can_be_taken_out_piece_by_piece(lab: Scenario) -> None:
     before = solids(lab)
     after = solids(without(lab, "clutter_3"))

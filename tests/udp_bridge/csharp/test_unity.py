@@ -12,6 +12,7 @@ import pytest
 
 from groundlink.messages.base import POINT
 from groundlink.ros.types import STORE, TYPES
+from tools.unity_metas import metas
 from udp_bridge import Link, Message
 from udp_bridge.wire.control import Subscribe
 from udp_bridge.wire.types import SUBSCRIBE
@@ -24,6 +25,17 @@ CLOUD, IMAGE, CLOCK, TWIST = 1, 3, 8, 9
 @pytest.fixture(scope="module")
 def scene(library: Path) -> Path:
     return scene_beside(library)
+
+
+def test_each_asset_has_a_guid_of_its_own() -> None:
+    """A copy of the package keeps them, and so the references of its users' scenes."""
+    wanted = metas()
+    assert {file: file.read_text(encoding="utf-8") for file in FOLDER.rglob("*.meta")} == wanted
+    guids = {text.split("guid: ")[1][:32] for text in wanted.values()}
+    assert len(guids) == len(wanted) > 70
+    assert (
+        "4bbeca889b161fcc6ff69badb56eb8b1" in wanted[FOLDER / "Runtime/Unity/LidarSender.cs.meta"]
+    )
 
 
 class RosSide:
