@@ -15,11 +15,11 @@ from groundlink.core.frames import IDENTITY_QUATERNION
 from groundlink.recording.metadata import TopicFacts
 from groundlink.recording.reader import Recording
 from groundlink.ros.streams import mounts
-from groundlink.ros.types import STORE, nanos
+from groundlink.ros.types import STORE, nanos, register_unknown
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Vehicle
 
-from .ros_arrays import POSES, columns, content, record_array
+from .ros_arrays import POSES, columns, content, items, record_array
 from .trajectory import Trajectory
 
 _BATCH = 1000
@@ -41,6 +41,7 @@ class Dataset:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self._recording = Recording(self.path)
+        register_unknown(self._recording.definitions)
         self._bases: dict[str, Trajectory] = {}
 
     def __enter__(self) -> "Dataset":
@@ -144,7 +145,7 @@ class Dataset:
         Its fields are those of the ROS type: `stamp` (int64, nanoseconds; of the recording, where
         messages have no header), numbers, and vectors such as `linear_acceleration`, shape (N, 3),
         and `orientation`, shape (N, 4), xyzw. Fields of nested messages have dotted names, such as
-        `pose.pose.position`. Text is left out.
+        `pose.pose.position`. Text is left out. Each detection of a topic of boxes is a record.
 
         Raises
         ------
@@ -292,7 +293,7 @@ class Dataset:
         self, topic: str, start_s: float | None, end_s: float | None
     ) -> tuple[NDArray[np.void], Any]:
         """Return the records of a topic, and one of its messages."""
-        messages = self.messages(topic, start_s=start_s, end_s=end_s)
+        messages = items(self.messages(topic, start_s=start_s, end_s=end_s))
         batches: list[NDArray[np.void]] = []
         sample: Any = None
         while batch := list(islice(messages, _BATCH)):

@@ -32,7 +32,7 @@ from .formats import (
     write_times,
     write_velodyne,
 )
-from .ros_arrays import CLOUDS, IMAGES, POSES, columns, content, record_array
+from .ros_arrays import CLOUDS, IMAGES, POSES, columns, content, items, record_array
 from .trajectory import Trajectory, write_tum
 
 _BATCH = 250
@@ -274,14 +274,16 @@ class _Records(_Output):
         return ros_type not in CLOUDS and ros_type not in IMAGES
 
     def add(self, time_nanos: int, message: Any) -> None:
-        self._batch.append((time_nanos, message))
+        self._batch.extend(items([(time_nanos, message)]))
         self.messages += 1
-        if len(self._batch) == _BATCH:
+        if len(self._batch) >= _BATCH:
             self._flush()
 
     def close(self) -> None:
         if self._batch:
             self._flush()
+        if self._record is None:
+            raise _Unsuitable("lists without an entry")
 
     def _flush(self) -> None:
         try:

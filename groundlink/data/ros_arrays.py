@@ -4,11 +4,12 @@
 `row` turns a message of any type into the fields of one record: numbers stay numbers, messages of
 numbers alone (points, vectors, quaternions) become vectors, nested messages become dotted names,
 and times become nanoseconds. Text and lists of messages are left out. `content` is the array that a
-message exists for: the points of a cloud, the pixels of an image.
+message exists for: the points of a cloud, the pixels of an image. Of labels, each detection and
+each entry of a table is a record, with its texts.
 """
 
 import io
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -23,12 +24,38 @@ _POINT_FIELD_TYPES = ("", "i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8")
 """numpy's type for each `datatype` of sensor_msgs/PointField."""
 
 
+LISTS = {
+    "vision_msgs/msg/Detection2DArray": "detections",
+    "vision_msgs/msg/Detection3DArray": "detections",
+    "vision_msgs/msg/LabelInfo": "class_map",
+}
+"""Field of the messages that are records, by the ROS type of the message that lists them."""
+
+_TEXT = "U128"
+"""Type of a text in a record."""
+
+
+def items(messages: Iterable[tuple[int, Any]]) -> Iterator[tuple[int, Any]]:
+    """Yield messages with their times; of those in `LISTS`, the messages in their lists."""
+    for time, message in messages:
+        if field := LISTS.get(message.__msgtype__):
+            for item in getattr(message, field):
+                yield time, item
+        else:
+            yield time, message
+
+
 def row(message: Any, prefix: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield the names and values of a message's fields. A header yields `stamp` alone."""
+    is_label = message.__msgtype__.startswith("vision_msgs/")
     for part in _parts(message):
         name, value = prefix + part, getattr(message, part)
         ros_type = getattr(value, "__msgtype__", "")
-        if not ros_type:
+        if is_label and isinstance(value, str):
+            yield name, np.asarray(value, _TEXT)
+        elif is_label and part == "results":
+            yield from row(value[0].hypothesis, prefix)
+        elif not ros_type:
             array = np.asarray(value)
             if array.dtype.kind in "biuf":
                 yield name, array

@@ -93,6 +93,11 @@ class Recording:
         }
         """ROS type by declared topic."""
 
+        self.definitions: dict[str, str] = {
+            schema.name: schema.data.decode(errors="replace") for schema in summary.schemas.values()
+        }
+        """Full definition of each declared ROS type."""
+
     def __enter__(self) -> "Recording":
         return self
 

@@ -2,7 +2,8 @@
 """Conversion of a recording to a ROS 1 bag: same topics and times, bodies in ROS 1 form.
 
 Messages are converted one by one, so memory does not grow with the file. Definitions are those of
-ROS Noetic; types that Noetic lacks are registered here, and fields added by ROS 2 are dropped.
+ROS Noetic, and fields added by ROS 2 are dropped. Types that Noetic lacks have their definitions of
+ROS 2.
 """
 
 from collections.abc import Iterable
@@ -12,7 +13,7 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from groundlink.ros.base import is_latched
-from groundlink.ros.types import STORE, WHEEL_ENCODERS_DEFINITION
+from groundlink.ros.types import STORE, WHEEL_ENCODERS_DEFINITION, definition
 
 from .reader import RecordedMessage
 
@@ -42,13 +43,17 @@ def write_bag(path: Path, types: dict[str, str], messages: Iterable[RecordedMess
         ROS type by topic.
     """
     count = 0
+    for ros_type in types.values():
+        if ros_type not in NOETIC.types:
+            found = get_types_from_msg(definition(ros_type), ros_type)
+            NOETIC.register({n: fields for n, fields in found.items() if n not in NOETIC.types})
     with Writer(path) as bag:
         connections = {}
         for topic, ros_type in types.items():
-            definition, digest = NOETIC.generate_msgdef(ros_type, ros_version=1)
+            text, digest = NOETIC.generate_msgdef(ros_type, ros_version=1)
             latching = int(is_latched(topic))
             connections[topic] = bag.add_connection(
-                topic, ros_type, msgdef=definition, md5sum=digest, latching=latching
+                topic, ros_type, msgdef=text, md5sum=digest, latching=latching
             )
         for message in messages:
             data = to_ros1(message.ros_type, message.cdr)

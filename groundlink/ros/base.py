@@ -315,7 +315,9 @@ def made_topics(scenario: Scenario) -> set[str]:
 
 def is_latched(topic: str) -> bool:
     """Return whether a topic is latched: published once, and kept for late subscribers."""
-    return topic in (TF_STATIC_TOPIC, TRUE_MAP_TOPIC) or topic.endswith(f"/{DESCRIPTION}")
+    return topic in (TF_STATIC_TOPIC, TRUE_MAP_TOPIC) or topic.endswith(
+        (f"/{DESCRIPTION}", "/labels/label_info", "/labels/instance_info")
+    )
 
 
 def _top(vehicle: Vehicle, odometry: SensorSpec | None) -> str:

@@ -12,7 +12,6 @@ from itertools import chain
 from typing import Any
 
 from rosbags.serde import SerdeError
-from rosbags.typesys import get_types_from_msg
 
 from groundlink.messages.base import BadBusMessage, BusMessage, M, Relayed
 from groundlink.scenario.joints import JointInterface
@@ -21,7 +20,7 @@ from groundlink.scenario.sensor_kinds import load_reference, sensor_kinds
 from . import diagnostics, imagery, motion, navigation, points
 from .codec import Codec, Moment
 from .joint_commands import MULTI_ARRAY, read_joint_group, read_joint_state
-from .types import STORE, TYPES
+from .types import STORE, TYPES, register_unknown
 
 Body = bytes | bytearray | memoryview
 
@@ -43,9 +42,7 @@ CODECS: dict[type[BusMessage], Codec[Any]] = {
 }
 """All codecs by message type."""
 
-for _codec in CODECS.values():
-    if _codec.ros_type not in TYPES:
-        STORE.register(get_types_from_msg(_codec.definition, _codec.ros_type))
+register_unknown({codec.ros_type: codec.definition for codec in CODECS.values()})
 
 ROS_CODECS = {message: codec for message, codec in CODECS.items() if not codec.recorded_only}
 """Codecs of the messages that go to ROS."""

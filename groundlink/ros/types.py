@@ -6,12 +6,14 @@ independent of the messages of the bus.
 """
 
 import struct
+from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from groundlink.core.clock import NANOS
 from groundlink.core.fields import Quaternion, Vector3
@@ -27,6 +29,20 @@ int64[] ticks
 STORE = get_typestore(Stores.ROS2_KILTED)
 STORE.register(get_types_from_msg(WHEEL_ENCODERS_DEFINITION, "groundlink_msgs/msg/WheelEncoders"))
 TYPES = STORE.types
+
+
+def register_unknown(definitions: Mapping[str, str]) -> None:
+    """Register the types among these that are not known yet, each with the types in its definition.
+
+    A definition that cannot be parsed is left out.
+    """
+    for ros_type, text in definitions.items():
+        if ros_type in TYPES:
+            continue
+        with suppress(TypesysError):
+            found = get_types_from_msg(text, ros_type)
+            STORE.register({name: fields for name, fields in found.items() if name not in TYPES})
+
 
 _FLOAT32 = struct.Struct("<f")
 

@@ -26,12 +26,14 @@ def convert(options: argparse.Namespace) -> int:
     with needs("record"):
         from groundlink.recording.reader import Recording
         from groundlink.recording.ros1 import write_bag
+        from groundlink.ros.types import register_unknown
 
     out = Path(options.bag)
     if out.suffix != ".bag":
         raise UserError(f"{out}: expected a file name that ends in .bag")
     check_new_file("RUN.bag:", out)
     with Recording(Path(options.recording)) as recording:
+        register_unknown(recording.definitions)
         messages = tracked(recording.read(), f"writing {out.name}", recording.messages)
         with write_atomically(out) as part:
             count = write_bag(part, recording.types, messages)
