@@ -8,6 +8,7 @@ import argparse
 import math
 import sys
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,11 @@ from groundlink.cli import Subparsers
 from groundlink.cli.run.running import SCENARIO_HELP
 from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.cli.terminal.progress import progress
+from groundlink.core.atomic_file import check_new_file, write_atomically
 from groundlink.core.errors import UserError
 from groundlink.episode import routes
 from groundlink.loader import load
+from groundlink.ros.base import Base
 from groundlink.ros.message_sizes import Cut, NeverFits, cut, fitting_block_deg
 from groundlink.ros.streams import TRUE_MAP_TOPIC, answers_mistake
 from groundlink.scenario.every_sensor import SensorSpec
@@ -34,6 +37,12 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("check", help="check a scenario without starting anything")
     parser.add_argument("scenario", help=SCENARIO_HELP)
+    parser.add_argument(
+        "--urdf",
+        type=Path,
+        metavar="FOLDER",
+        help="write each vehicle's robot description, as on /robot_description, to VEHICLE.urdf",
+    )
     add_json_option(parser)
     parser.set_defaults(command=check)
 
@@ -51,6 +60,8 @@ def check(options: argparse.Namespace) -> int:
         if mistake := answers_mistake(scenario):
             raise UserError(f"{options.scenario}: {mistake}")
         content = _content(scenario)
+        if options.urdf is not None:
+            _write_urdf(scenario, options.urdf)
     if options.json:
         print_json(content)
         return 0
@@ -58,6 +69,17 @@ def check(options: argparse.Namespace) -> int:
     for line in _lines(content):
         print(f"  {line}")
     return 0
+
+
+def _write_urdf(scenario: Scenario, folder: Path) -> None:
+    """Write the robot description of each vehicle to a file of its name."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = {vehicle.name: folder / f"{vehicle.name}.urdf" for vehicle in scenario.vehicles}
+    for file in files.values():
+        check_new_file("--urdf", file)
+    for vehicle in scenario.vehicles:
+        with write_atomically(files[vehicle.name]) as part:
+            part.write_text(Base(scenario, vehicle, scenario.name).description, encoding="utf-8")
 
 
 def _content(scenario: Scenario) -> dict[str, Any]:
