@@ -28,6 +28,7 @@ RefusalCode = Literal[
     "incorrect_state",
     "failed",
     "unsupported",
+    "no_world",
 ]
 
 
@@ -143,6 +144,25 @@ class WorldsQuery(_WorldQuery, frozen=True, tag="worlds"):
     """Further folders on the host of physics to list files of."""
 
 
+class LoadWorldQuery(_WorldQuery, frozen=True, tag="load_world"):
+    """Replace the world of the run, and begin a new episode in it, paused at tick 0.
+
+    All that was spawned is gone. The run's vehicles start where those of a loaded scenario start,
+    in their order, and at their own starts in a world without vehicles.
+    """
+
+    uri: str = ""
+    """Name of a shipped scenario or world, or a file on the host of physics: a path or `file://`.
+    """
+
+    text: str = ""
+    """Content of a file, used if `uri` is empty."""
+
+
+class UnloadWorldQuery(_WorldQuery, frozen=True, tag="unload_world"):
+    """Remove the world of the run. Time stands still until another one is loaded."""
+
+
 AnyWorldQuery = (
     EntitiesQuery
     | SpawnQuery
@@ -154,6 +174,8 @@ AnyWorldQuery = (
     | NamedPosesQuery
     | WorldInfoQuery
     | WorldsQuery
+    | LoadWorldQuery
+    | UnloadWorldQuery
 )
 
 
@@ -204,10 +226,12 @@ class NamedPoseReport(msgspec.Struct, frozen=True):
     high_m: Vector3 | None
 
 
-class WorldReport(msgspec.Struct, frozen=True):
+class WorldReport(msgspec.Struct, frozen=True, omit_defaults=True):
     """A world: of the run, or one that is shipped."""
 
     name: str
     uri: str
     description: str
     tags: tuple[str, ...]
+    text: str = ""
+    """Content of the file, of a world that was loaded from it."""

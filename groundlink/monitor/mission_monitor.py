@@ -2,11 +2,13 @@
 """Missions of a run's vehicles, from the ground truth, commands and vitals on its bus."""
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from math import inf
+from typing import Protocol
 
 from groundlink.bus.core_topics import COMMAND
 from groundlink.bus.inbox import BusInbox
+from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import GROUND_TRUTH, JOINT_GROUP_COMMAND, VITALS, WHEEL_COMMAND
 from groundlink.core.clock import NANOS, TICK_NANOS
@@ -16,11 +18,16 @@ from groundlink.messages.base import BusMessage, Command, WheelCommand, floats
 from groundlink.messages.ground_truth import Vitals
 from groundlink.messages.navigation import JointState, Odometry
 from groundlink.scenario import Scenario
+from groundlink.scenario.decoding import decode_scenario
 from groundlink.scenario.schema import Vehicle
+from groundlink.scene.loaded_world import in_present_world
 from groundlink.world.bounds import Bounds
 
 INBOX_DEPTH = 4096
 """Messages of a vehicle that may wait: 2 s of a run at ten times real time."""
+
+SCENARIO_SECONDS = 1.0
+"""Timeout for the scenario of a further episode, which may be in another world."""
 
 ABSENT_SECONDS = 2.0
 """A vehicle without a state for this long has been removed."""
@@ -43,15 +50,23 @@ class MissionMonitor:
     """
 
     def __init__(self, scenario: Scenario | None = None, *, until_seconds: float = inf) -> None:
-        # When the first vehicle moves: it takes up to 50 ms, and processes start meanwhile.
-        box = cache(lambda: None if scenario is None else world_box(scenario))
-        self._vehicles = [
-            _VehicleMonitor(vehicle, box, until_seconds)
-            for vehicle in (scenario.vehicles if scenario else ())
-        ]
+        self._vehicles: list[_VehicleMonitor] = []
+        self._present: Callable[[], Scenario | None] = lambda: scenario
+        if scenario is not None:
+            self._know(scenario)
+            self._vehicles += [
+                _VehicleMonitor(vehicle, self._of_episode, until_seconds)
+                for vehicle in scenario.vehicles
+            ]
 
     def subscribe(self, bus: Bus, run: str) -> None:
         """Receive the messages of a run."""
+
+        def present() -> Scenario | None:
+            replies = bus.query(scenario_key(run), seconds=SCENARIO_SECONDS).values()
+            return next(map(decode_scenario, replies), None)
+
+        self._present = present
         for vehicle in self._vehicles:
             for row in ROWS:
                 key = row.key_in(run, vehicle=vehicle.name)
@@ -62,6 +77,20 @@ class MissionMonitor:
         for vehicle in self._vehicles:
             vehicle.update()
 
+    def _know(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        # When the first vehicle moves: it takes up to 50 ms, and processes start meanwhile.
+        self._box = cache(partial(world_box, scenario))
+
+    def _of_episode(self, vehicle: Vehicle, *, is_first: bool) -> tuple[Vehicle, Bounds | None]:
+        """Return a vehicle with its start, and the box around its world, in the present episode."""
+        if not is_first and (present := self._present()) is not None:
+            known = in_present_world(self._scenario, present)
+            if known != self._scenario:
+                self._know(known)
+        here = {known.name: known for known in self._scenario.vehicles}
+        return here[vehicle.name], self._box()
+
     def missions(self) -> list[Mission]:
         """Return the mission of each vehicle that is there."""
         found = [vehicle.tracker.mission() for vehicle in self._vehicles if vehicle.tracker]
@@ -69,16 +98,21 @@ class MissionMonitor:
         return [mission for mission in found if mission.seconds > newest - ABSENT_SECONDS]
 
 
+class OfEpisode(Protocol):
+    """Type of `MissionMonitor._of_episode`."""
+
+    def __call__(self, vehicle: Vehicle, *, is_first: bool) -> tuple[Vehicle, Bounds | None]:
+        """Return a vehicle with its start, and the box around its world."""
+
+
 class _VehicleMonitor:
     """The mission of one vehicle in the present episode."""
 
-    def __init__(
-        self, vehicle: Vehicle, box: Callable[[], Bounds | None], until_seconds: float
-    ) -> None:
+    def __init__(self, vehicle: Vehicle, of_episode: OfEpisode, until_seconds: float) -> None:
         self.name = vehicle.name
         self._until_seconds = until_seconds
         self.inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_DEPTH)
-        self._vehicle, self._box = vehicle, box
+        self._vehicle, self._of_episode = vehicle, of_episode
         shafts = vehicle.model.drive.shafts(vehicle.model.wheels)
         self._shafts = [shaft.name for shaft in shafts if shaft.driven]
         self._epoch_nanos, self._tick = 0, -1
@@ -119,7 +153,8 @@ class _VehicleMonitor:
         epoch_nanos = vitals.stamp_nanos - vitals.tick * TICK_NANOS
         is_other = epoch_nanos != self._epoch_nanos or vitals.tick < self._tick
         if self.tracker is None or is_other:
-            self.tracker = MissionTracker(self._vehicle, self._box())
+            found = self._of_episode(self._vehicle, is_first=self.tracker is None)
+            self.tracker = MissionTracker(*found)
         self._epoch_nanos, self._tick = epoch_nanos, vitals.tick
         return self.tracker
 

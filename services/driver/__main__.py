@@ -3,7 +3,7 @@
 
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from math import radians
 
@@ -37,7 +37,9 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     with Bus(connect=process.endpoint(options), name=options.name) as bus:
         run, scenario = join(bus, options.run, stop)
         vehicle = _find(scenario, options.name)
-        route, make_follower = _route(scenario, vehicle, options.route)
+        route, make_follower = _route(
+            scenario, vehicle, options.route, lambda: join(bus, run, stop)[1]
+        )
         if options.route and bus.present(HEALTH.key_in(run, process=options.name), seconds=1.0):
             raise UserError(f"`{vehicle.name}` already has a driver. Fix: end it first")
         finished = threading.Event()
@@ -79,11 +81,16 @@ def _find(scenario: Scenario, name: str) -> Vehicle:
 
 
 def _route(
-    scenario: Scenario, vehicle: Vehicle, given: str | None
+    scenario: Scenario, vehicle: Vehicle, given: str | None, present: Callable[[], Scenario]
 ) -> tuple[Route, MakePurePursuit]:
     """Return the route that was given, or the scenario's, and what makes its follower.
 
     The scenario's route begins at the placement, so that a restarted driver finds the same line.
+
+    Parameters
+    ----------
+    present
+        returns the scenario of the present world: in a loaded one the placement is another.
     """
     follower = partial(
         PurePursuitFollower,
@@ -104,9 +111,16 @@ def _route(
         raise UserError(
             f"`{vehicle.name}` has no `route` in scenario `{scenario.name}`. Fix: pass --route"
         )
-    own, place = vehicle.route, vehicle.placement
-    along = line(own, start_m=(place.x_m, place.y_m), heading_rad=radians(place.yaw_deg))
-    return own, lambda x, y, yaw: follower(along)
+    own = vehicle.route
+
+    def along(*_: float) -> PurePursuitFollower:
+        starts = {other.name: other.placement for other in present().vehicles}
+        place = starts.get(vehicle.name, vehicle.placement)
+        return follower(
+            line(own, start_m=(place.x_m, place.y_m), heading_rad=radians(place.yaw_deg))
+        )
+
+    return own, along
 
 
 if __name__ == "__main__":

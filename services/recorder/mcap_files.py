@@ -7,6 +7,7 @@ a killed recorder has nearly all of it.
 
 import itertools
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -17,8 +18,12 @@ from groundlink.episode.journal import Journal, dumped, loaded
 from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
 from groundlink.recording.ros_channels import RosFile
 from groundlink.scenario import Scenario
+from groundlink.scene.loaded_world import in_present_world
 
 from .recorder import Recorder, RecordingFile
+
+NO_ENTRIES = 2**62
+"""So many entries of a journal are left out where only its scenario is of interest."""
 
 JOURNAL_NANOS = 2 * NANOS
 """Simulation time between two parts of the journal."""
@@ -42,6 +47,7 @@ class McapFiles:
         self._ask = ask
         self.path = path
         self._file: RosFile | None = None
+        self._has_recorded = False
         self._entries = 0
         """Journal entries in the file."""
 
@@ -64,10 +70,19 @@ class McapFiles:
                 continue
         if self.path != self._wanted:
             print(f"{self._wanted} exists; writing {self.path}", flush=True)
+        if self._has_recorded:
+            self._follow_world()
+        self._has_recorded = True
         run = describe_run(self._scenario, self._run, epoch_nanos)
         file.mcap.add_metadata(RUN_RECORD, run_entries(run))
         self._file, self._entries, self._next_journal_nanos = file, 0, 0
         return file
+
+    def _follow_world(self) -> None:
+        """Take over the world of the present episode, which may have been loaded for it."""
+        with suppress(UserError):  # physics is of another version, or does not answer
+            journal = loaded(self._ask(f"/{NO_ENTRIES}"), "physics")
+            self._scenario = in_present_world(self._scenario, journal.scenario)
 
     def tend(self, recorder: Recorder) -> None:
         """Commit the file; add the journal when it is due."""

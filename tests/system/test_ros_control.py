@@ -2,18 +2,23 @@
 """System tests of run control from ROS: pause, step and reset with lost datagrams."""
 
 import re
+import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from groundlink.bus.core_topics import CLOCK
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
+from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.core.clock import TICK_NANOS
-from groundlink.messages.base import Clock
+from groundlink.messages.base import Clock, PointCloud
 from tests.ros.calling import Caller
 from tests.ros.interfaces import simulation_interfaces
 
@@ -24,17 +29,19 @@ pytestmark = pytest.mark.system
 
 SUCCEEDED, CANCELLED = 4, 5
 STOPPED, PLAYING, PAUSED = range(3)
-UNSUPPORTED, OK, NOT_FOUND, _, OPERATION_FAILED = range(5)
-ALREADY_SO = NAME_TAKEN = 101
+NO_WORLD = 4
+UNSUPPORTED, OK, NOT_FOUND, INCORRECT_STATE, OPERATION_FAILED = range(5)
+ALREADY_SO = NAME_TAKEN = NO_WORLD_LOADED = 101
+NOT_THERE = 103
 ROBOT, DYNAMIC_OBJECT = 1, 4
 LOSSY = "link: {seed: 5, to_ros: {loss: 0.1}, from_ros: {loss: 0.1}}, "
 
 
 @contextmanager
 def running(
-    folder: Path, *, gateway: str = "", interfaces: Path | None = None
+    folder: Path, *, gateway: str = "", interfaces: Path | None = None, sensor: str = "rover/imu"
 ) -> Iterator[tuple[Rig, Caller]]:
-    """A run with an IMU, its gateway and the ROS node; yields the rig and a caller.
+    """A run with one sensor, its gateway and the ROS node; yields the rig and a caller.
 
     With `interfaces` the caller calls the services of the standard, which are at `/`.
     """
@@ -45,7 +52,7 @@ def running(
         if interfaces is not None:
             it.environment["PYTHONPATH"] = str(interfaces)
         physics = ("-m", "services.physics", str(it.scenario), "--listen", it.endpoint)
-        it.start(*physics, "--only", "rover/imu", "--run", it.run, log="physics.log")
+        it.start(*physics, "--only", sensor, "--run", it.run, log="physics.log")
         wait_for(it.is_answered, 20, "physics listens")
         of_run = ("--run", it.run, "--connect", it.endpoint)
         it.start("-m", "services.gateway", *of_run, log="gateway.log")
@@ -61,7 +68,7 @@ def running(
 def test_the_standard_services(tmp_path: Path, pytestconfig: pytest.Config) -> None:
     interfaces = simulation_interfaces(pytestconfig.cache.mkdir("simulation_interfaces"))
     kinds = "simulation_interfaces/srv/"
-    with running(tmp_path, interfaces=interfaces) as (_, caller):
+    with running(tmp_path, interfaces=interfaces, sensor="rover/lidar") as (it, caller):
 
         def result(name: str, kind: str, /, **request: Any) -> tuple[int, str]:
             answer = caller.call(name, kinds + kind, **request)["result"]
@@ -90,7 +97,7 @@ def test_the_standard_services(tmp_path: Path, pytestconfig: pytest.Config) -> N
 
         features = caller.call("get_simulator_features", kinds + "GetSimulatorFeatures")
         assert features["features"]["features"] == [
-            *(*range(15), 20, *range(22, 27), 31, 32, 33, 42, 44, 45, 50)
+            *(*range(15), 20, *range(22, 27), 31, 32, 33, *range(40, 46), 50)
         ]
 
         assert state() == PLAYING
@@ -213,6 +220,57 @@ def test_the_standard_services(tmp_path: Path, pytestconfig: pytest.Config) -> N
             shows(0)
         assert reset(1) == UNSUPPORTED
         assert set_state(3) == UNSUPPORTED
+
+        def load(world: str) -> tuple[int, str]:
+            uri = {"world_resource.uri": world}
+            answer = caller.call("load_world", kinds + "LoadWorld", **uri)
+            return answer["result"]["result"], answer["world"]["name"]
+
+        def farthest_m() -> float:
+            """Return the largest range of a revolution of the present world."""
+            while clouds.get(seconds=0.5):
+                pass  # of the world before
+            assert set_state(PLAYING) == OK
+            for _ in range(2):
+                arrived = clouds.get(seconds=30)
+                assert arrived, "the scanner is silent"
+            points = arrived[1].records()
+            assert set_state(PAUSED) == OK
+            return float(np.nanmax(np.hypot(points["x"], points["y"])))
+
+        of_run = ("--run", it.run, "--connect", it.endpoint)
+        lidar = ("-m", "services.sensors.lidar", "--name", "rover/lidar", *of_run)
+        file = tmp_path / "run.mcap"
+        with Bus(connect=it.endpoint) as bus:
+            clouds: BusInbox[PointCloud] = BusInbox(depth=1000)
+            key = SENSOR_TOPICS["lidar"].key_in(it.run, vehicle="rover", sensor="lidar")
+            bus.subscribe(key, PointCloud, clouds)
+            it.start(*lidar, log="lidar.log")
+            recorder = it.start("-m", "services.recorder", "--out", str(file), *of_run, log="mcap")
+            assert farthest_m() < 13.0, "the room has a length of 12 m"
+            wait_for(file.exists, 20, "a recording is begun")
+            assert spawn(-2.0, 0.5) == (OK, "crate")
+            assert load("/no/such/file.yaml")[0] == NOT_FOUND
+            assert names(filter="crate") == ["crate"]
+            assert (load("yard"), state()) == ((OK, "yard"), STOPPED)
+            shows(0)
+            assert names(filter="crate|room|rover") == ["rover"]
+            assert place_of("rover")[:2] == pytest.approx([-8.0, -4.0])
+            assert farthest_m() > 20.0, "the yard has a length of 60 m"
+            recorder.send_signal(signal.SIGINT)
+            assert recorder.wait(20) == 0
+            assert result("unload_world", "UnloadWorld")[0] == OK
+            assert (state(), names(), set_state(PLAYING)) == (NO_WORLD, [], NOT_THERE)
+            assert result("unload_world", "UnloadWorld")[0] == NO_WORLD_LOADED
+            assert result("get_current_world", "GetCurrentWorld")[0] == NO_WORLD_LOADED
+            assert spawn(-2.0, 0.5)[0] == INCORRECT_STATE
+            assert (load("indoor_lab"), state()) == ((OK, "lab"), STOPPED)
+            assert place_of("rover") == pytest.approx(start)
+            assert farthest_m() < 13.0
+    words = (sys.executable, "-m", "groundlink", "verify", str(tmp_path / "run_2.mcap"))
+    verified = subprocess.run(words, capture_output=True, text=True, timeout=90, check=False)
+    assert verified.returncode == 0, verified.stdout + verified.stderr
+    assert "/points" in verified.stdout
 
 
 def test_plain_services_over_a_link_that_loses(tmp_path: Path) -> None:

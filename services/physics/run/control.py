@@ -29,6 +29,8 @@ ANSWER_SECONDS = 6.0
 """Longest wait for an answer. A step takes milliseconds, but a reset or a change of a world with
 hills takes seconds on a busy machine."""
 
+LOADING_SECONDS = 25.0
+"""Longest wait for an episode in another world: less than a gateway waits for physics' answer."""
 
 T = TypeVar("T")
 
@@ -44,6 +46,9 @@ class ControlledRun(Protocol):
 
     def restore(self, content: bytes) -> None:
         """Start to restore a saved run from its file's content."""
+
+    def refuse_without_world(self) -> None:
+        """Refuse to go on while no world is loaded."""
 
 
 class Control:
@@ -92,8 +97,13 @@ class Control:
         )
         return [msgspec.json.encode(answer)]
 
-    def between_ticks(self, do: Callable[[], T]) -> T:
+    def between_ticks(self, do: Callable[[], T], *, seconds: float = ANSWER_SECONDS) -> T:
         """Have the loop call a function between two ticks; return what it returns.
+
+        Parameters
+        ----------
+        seconds
+            longest wait.
 
         Raises
         ------
@@ -110,10 +120,10 @@ class Control:
 
         self._pending.put(call)
         try:
-            return done.result(ANSWER_SECONDS)
+            return done.result(seconds)
         except TimeoutError:
             raise UserError(
-                f"physics is busy for longer than {ANSWER_SECONDS:g} s, and executes the command "
+                f"physics is busy for longer than {seconds:g} s, and executes the command "
                 "later. Fix: ask for the run's status again"
             ) from None
 
@@ -139,6 +149,8 @@ class Control:
     def _execute(self, command: AnyRunCommand, content: bytes) -> None:
         if isinstance(command, Reset | Spawn | Remove | Restore):
             self.refuse_while_restoring()
+        if isinstance(command, Resume | Step | Reset | Spawn | Remove):
+            self._run.refuse_without_world()
         match command:
             case Pause():
                 self.pause()

@@ -15,6 +15,7 @@ from groundlink.episode.control import Spawn
 from groundlink.episode.journal import AnyEntry, Journal, WorldChanged, this_platform
 from groundlink.process import asset_exchange
 from groundlink.scenario import Scenario
+from groundlink.scenario.schema import Placement
 from groundlink.world import assets
 
 from .episode import Episode
@@ -82,9 +83,15 @@ class Restoration:
     ----------
     episode
         of the journal's scenario, at tick 0, that publishes nothing.
+
+    Attributes
+    ----------
+    first_scenario
+        of the episode.
     """
 
     def __init__(self, journal: Journal, episode: Episode) -> None:
+        self.first_scenario = episode.scenario
         self._journal = journal
         self._player = JournalPlayer(journal)
         self._reported: float | None = None
@@ -167,4 +174,7 @@ def check_processes(journal: Journal, running: Scenario) -> None:
 
 
 def _sensors(scenario: Scenario) -> dict[str, object]:
-    return {name: scenario.sensor(name) for name in scenario.sensor_names()}
+    """Return the sensors with their vehicles, which start elsewhere in a loaded world."""
+    here = (replace(vehicle, placement=Placement()) for vehicle in scenario.vehicles)
+    at_origin = replace(scenario, vehicles=tuple(here))
+    return {name: at_origin.sensor(name) for name in at_origin.sensor_names()}

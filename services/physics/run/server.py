@@ -30,9 +30,10 @@ from groundlink.episode.journal import Journal, dumped, loaded, parts
 from groundlink.process import asset_exchange
 from groundlink.scenario import Scenario
 from groundlink.scenario.additions import Addition
+from groundlink.scene.loaded_world import has_world, is_other_world
 from groundlink.world import assets
 
-from .control import Control
+from .control import ANSWER_SECONDS, Control
 from .episode import Episode
 from .health import HealthMonitor
 from .peers import Peers
@@ -40,6 +41,7 @@ from .publishers import BusPublishers, Publishers, silent_publishers
 from .restore import JournalArchive, JournalPlayer, Restoration, check_data, check_processes
 from .source import RunSource
 from .stall_policy import START_SECONDS
+from .world_loading import WorldSource
 from .world_queries import WorldQueryAnswers
 
 PAUSED_SECONDS = 0.01
@@ -58,6 +60,13 @@ class PhysicsServer:
     ----------
     required
         processes besides the sensors that the run waits for, such as a recorder.
+
+    Attributes
+    ----------
+    as_loaded
+        scenario of the world that was loaded last: that of the start before the first.
+    world_source
+        where that world was loaded from.
     """
 
     def __init__(
@@ -65,6 +74,8 @@ class PhysicsServer:
     ) -> None:
         scenario, saved, self._followed = source
         self._started, self._run, self._required = scenario, run, required
+        self.as_loaded = scenario
+        self.world_source = WorldSource()
         self._awaited = frozenset(required)
         if scenario.time.lockstep == "ros":
             self._awaited |= {GATEWAY}
@@ -199,8 +210,37 @@ class PhysicsServer:
         self._start_over(episode)
 
     def reset_all(self) -> None:
-        """Start a new episode of the scenario with which the run was started."""
-        self._start_over(self._new_episode(self._started, self._publishers))
+        """Start a new episode of the world as it was loaded."""
+        self._start_over(self._new_episode(self.as_loaded, self._publishers))
+
+    def load(self, scenario: Scenario, source: WorldSource) -> None:
+        """Start a new episode in another world, paused.
+
+        Raises
+        ------
+        UserError
+            when the run repeats a saved one.
+        """
+        self._refuse_if_repeating()
+        episode = self._new_episode(scenario, self._publishers)
+        self.as_loaded, self.world_source = scenario, source
+        self.control.pause()
+        self._start_over(episode)
+
+    def known_worlds(self) -> dict[str, Scenario]:
+        """Return the scenarios of all worlds so far, by their hashes."""
+        return dict(self._worlds)
+
+    def refuse_without_world(self) -> None:
+        """Refuse to go on while no world is loaded.
+
+        Raises
+        ------
+        UserError
+            without a world.
+        """
+        if not has_world(self.episode.scenario):
+            raise UserError("no world is loaded. Fix: load one")
 
     def reset_state(self) -> None:
         """Put everything back where it began, without a new episode."""
@@ -227,9 +267,9 @@ class PhysicsServer:
         """
         self.control.refuse_while_restoring()
 
-    def between_ticks(self, do: Callable[[], T]) -> T:
+    def between_ticks(self, do: Callable[[], T], *, seconds: float = ANSWER_SECONDS) -> T:
         """Have the loop call a function between two ticks; return what it returns."""
-        return self.control.between_ticks(do)
+        return self.control.between_ticks(do, seconds=seconds)
 
     def change(self, command: WorldChange) -> None:
         """Add something to the world, remove or move it.
@@ -258,13 +298,16 @@ class PhysicsServer:
             when it does not fit this run.
         """
         saved = loaded(content, "what was sent")
+        self._refuse_if_repeating()
+        check_processes(saved, self._started)
+        check_data(saved)
+        self._start_to_restore(saved, replace(saved.scenario, time=self._started.time))
+
+    def _refuse_if_repeating(self) -> None:
         if self._followed is not None:
             raise UserError(
                 "the run repeats a saved one and takes no commands. Fix: start another run"
             )
-        check_processes(saved, self._started)
-        check_data(saved)
-        self._start_to_restore(saved, replace(saved.scenario, time=self._started.time))
 
     def _start_to_restore(self, saved: Journal, scenario: Scenario) -> None:
         episode = self._new_episode(scenario, silent_publishers(), saved.epoch_nanos)
@@ -294,6 +337,7 @@ class PhysicsServer:
                 self._awaited_until = time.monotonic() + START_SECONDS
             self._replace_episode(restoration.episode)
             self._adopt_world()
+            self._restored_world(restoration.first_scenario)
             if self._has_begun:
                 self._begin()
         self._restoration = None
@@ -302,6 +346,13 @@ class PhysicsServer:
         control.restoring_to = -1
         if line := warning or failure:
             print(f"{PHYSICS}: {line}", file=sys.stderr, flush=True)
+
+    def _restored_world(self, first: Scenario) -> None:
+        """Take over the world of a restored run; without one, time stands still."""
+        if is_other_world(first, self.as_loaded):
+            self.as_loaded, self.world_source = first, WorldSource()
+        if not has_world(first):
+            self.control.pause()
 
     def _replace_episode(self, episode: Episode) -> None:
         self._archive.ends(self.episode)

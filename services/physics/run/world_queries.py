@@ -12,7 +12,6 @@ from math import atan2, degrees, hypot, isfinite, sqrt
 from typing import Protocol, TypeVar
 
 import msgspec
-from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
@@ -23,48 +22,46 @@ from groundlink.episode.world_queries import (
     AnyWorldQuery,
     DescribeQuery,
     EntitiesQuery,
-    NamedPoseReport,
+    LoadWorldQuery,
     NamedPosesQuery,
     PlaceQuery,
     QueryRefused,
+    RefusalCode,
     RemoveQuery,
     ResetQuery,
     Scope,
     SpawnablesQuery,
     SpawnQuery,
+    UnloadWorldQuery,
     WorldInfoQuery,
     WorldReport,
     WorldsQuery,
 )
 from groundlink.loader.additions import SpawnPlace, free_name, placed
-from groundlink.loader.scenario_files import SHIPPED
-from groundlink.scenario.additions import Addition, SolidGroup
+from groundlink.scenario.additions import SolidGroup
 from groundlink.scenario.schema import (
-    NAMESPACE,
     RESERVED_NAMES,
     EntityDescription,
     Scenario,
 )
 from groundlink.scene.build import solids
 from groundlink.scene.entities import (
-    Corners,
     Pose,
     StaticEntity,
-    box_around,
     composed,
     is_free,
     moved_pose,
     relative,
     upright,
-    vehicle_solids,
 )
-from groundlink.scene.spawn_checks import ground_of
-from groundlink.scene.spawn_pose import spawn_pose
+from groundlink.scene.loaded_world import distinct, has_world, without_world
 from services.physics.dynamics.backend import Twist
 
+from .control import ANSWER_SECONDS, LOADING_SECONDS
 from .entities import STILL, WorldView
 from .episode import Episode
-from .spawn_resources import SpawnResource, resource, spawnables, worlds
+from .spawn_resources import SpawnResource, in_namespace, resource, spawnables, worlds
+from .world_loading import WorldSource, named_poses, scenario_in, world_report
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -86,6 +83,10 @@ class QueriedRun(Protocol):
     """What world queries act on. Each method raises a UserError where it cannot."""
 
     episode: Episode
+    as_loaded: Scenario
+    """Scenario of the world that was loaded last: that of the start before the first."""
+
+    world_source: WorldSource
 
     @property
     def first_scenario(self) -> Scenario:
@@ -94,8 +95,14 @@ class QueriedRun(Protocol):
     def refuse_while_restoring(self) -> None:
         """Refuse a change while a saved run is restored."""
 
-    def between_ticks(self, do: Callable[[], T]) -> T:
+    def between_ticks(self, do: Callable[[], T], *, seconds: float = ANSWER_SECONDS) -> T:
         """Call a function between two ticks."""
+
+    def known_worlds(self) -> dict[str, Scenario]:
+        """Return the scenarios of all worlds so far, by their hashes."""
+
+    def load(self, scenario: Scenario, source: WorldSource) -> None:
+        """Start a new episode in another world, paused."""
 
     def change(self, command: WorldChange) -> None:
         """Change the world."""
@@ -104,7 +111,7 @@ class QueriedRun(Protocol):
         """Start a new episode of the present world."""
 
     def reset_all(self) -> None:
-        """Start a new episode of the scenario with which the run was started."""
+        """Start a new episode of the world as it was loaded."""
 
     def reset_state(self) -> None:
         """Put everything back where it began, without a new episode."""
@@ -147,14 +154,43 @@ class WorldQueryAnswers:
             case NamedPosesQuery():
                 return self._now(poses=named_poses(self._run.episode.scenario))
             case WorldInfoQuery():
-                return self._now(world=world_report(self._run.episode.scenario))
+                return self._now(world=self._world())
             case WorldsQuery(sources=sources):
                 known, unknown = worlds(sources)
                 return self._now(worlds=known, unknown=unknown)
+            case LoadWorldQuery():
+                return self._load(query)
+            case UnloadWorldQuery():
+                return self._run.between_ticks(self._unload, seconds=LOADING_SECONDS)
 
     def _now(self, **content: object) -> Answer:
         """Return an answer about the present tick."""
         return _at(self._run.episode, self._run.episode.tick, content)
+
+    def _world(self) -> WorldReport:
+        """Return the present world."""
+        if not has_world(self._run.episode.scenario):
+            raise _without_world("no_world")
+        return world_report(self._run.episode.scenario, self._run.world_source)
+
+    def _load(self, query: LoadWorldQuery) -> Answer:
+        """Load a world, which is read and checked outside of the loop that steps."""
+        source = WorldSource(query.uri, "" if query.uri else query.text)
+        scenario = scenario_in(self._run.first_scenario, source)
+        scenario = distinct(scenario, self._run.known_worlds())
+
+        def now() -> Answer:
+            self._refuse_while_restoring()
+            self._run.load(scenario, source)
+            return self._now(world=self._world())
+
+        return self._run.between_ticks(now, seconds=LOADING_SECONDS)
+
+    def _unload(self) -> Answer:
+        self._refuse_while_restoring()
+        self._world()
+        self._run.load(without_world(self._run.first_scenario), WorldSource())
+        return self._now()
 
     def _present_view(self) -> WorldView:
         """Return the present world, which is built outside of the loop that steps."""
@@ -173,6 +209,10 @@ class WorldQueryAnswers:
     def _entities(self, query: EntitiesQuery) -> Answer:
         def now() -> Answer:
             episode = self._run.episode
+            if not has_world(episode.scenario):
+                if query.name:
+                    raise _without_world("incorrect_state")
+                return _at(episode, episode.tick, {"entities": []})
             view = self._view_of(episode.scenario, episode.entities.groups)
             names = [_known(query.name, view)] if query.name else view.names()
             motions, accelerations = episode.motions(), episode.accelerations()
@@ -198,7 +238,7 @@ class WorldQueryAnswers:
 
     def _change(self, query: RemoveQuery | PlaceQuery | DescribeQuery | ResetQuery) -> Answer:
         """Change something between two ticks."""
-        self._refuse_while_restoring()
+        self._refuse_changes()
         episode = self._run.episode
         view = self._view_of(episode.scenario, episode.entities.groups)
         match query:
@@ -216,6 +256,12 @@ class WorldQueryAnswers:
                 return self._reset(frozenset(scopes))
         return self._changed()
 
+    def _refuse_changes(self) -> None:
+        """Refuse a change while a saved run is restored, or without a world."""
+        self._refuse_while_restoring()
+        if not has_world(self._run.episode.scenario):
+            raise _without_world("incorrect_state")
+
     def _refuse_while_restoring(self) -> None:
         try:
             self._run.refuse_while_restoring()
@@ -228,7 +274,7 @@ class WorldQueryAnswers:
         return _at(episode, episode.tick + 1, content)
 
     def _spawn_now(self, query: SpawnQuery, found: SpawnResource) -> Answer:
-        self._refuse_while_restoring()
+        self._refuse_changes()
         episode = self._run.episode
         view = self._view_of(episode.scenario, episode.entities.groups)
         name = _new_name(query, found.name, view)
@@ -240,7 +286,7 @@ class WorldQueryAnswers:
             above_m, yaw = max(0.0, z - ground_m - base_m), _yaw_deg(pose[1])
             more = placed(found.content, name, SpawnPlace(x, y, above_m, yaw), view.checks.ground)
             if query.namespace:
-                more = _in_namespace(more, query.namespace)
+                more = in_namespace(more, query.namespace)
             group = None
             if more.solids:
                 parts = tuple(solid.name for solid in more.solids)
@@ -359,13 +405,17 @@ class WorldQueryAnswers:
         return self._changed()
 
     def _remove_spawned(self) -> None:
-        """Remove all that the run did not begin with, and forget descriptions."""
+        """Remove all that the world was not loaded with, and forget descriptions."""
         episode = self._run.episode
-        began = {*_names(self._run.first_scenario)}
+        began = {*_names(self._run.as_loaded)}
         if spawned := tuple(name for name in _names(episode.scenario) if name not in began):
             self._run.change(Remove("what was spawned", spawned))
         for name in [*episode.entities.descriptions]:
             episode.describe(name, None)
+
+
+def _without_world(code: RefusalCode) -> QueryRefused:
+    return QueryRefused(code, "no world is loaded. Fix: load one")
 
 
 def _at(episode: Episode, tick: int, content: Mapping[str, object]) -> Answer:
@@ -416,22 +466,6 @@ def _new_name(query: SpawnQuery, own: str, view: WorldView) -> str:
     return name
 
 
-def _in_namespace(more: Addition, namespace: str) -> Addition:
-    """Return an addition whose vehicles have their topics in a namespace."""
-    full = f"/{namespace.strip('/')}"
-    if not re.fullmatch(NAMESPACE, full):
-        raise QueryRefused(
-            "namespace_invalid",
-            f"`{namespace}` cannot be a namespace; expected letters, digits and underscores "
-            "between slashes",
-        )
-    vehicles = tuple(
-        replace(vehicle, namespace=full, command_topic=f"{full}/cmd_vel")
-        for vehicle in more.vehicles
-    )
-    return replace(more, vehicles=vehicles)
-
-
 def _move(static: StaticEntity, pose: Pose, view: WorldView) -> Move:
     """Return the change that moves a static entity."""
     built = {solid.name: solid for solid in view.checks.solids}
@@ -449,30 +483,3 @@ def _yaw_deg(orientation: Quaternion) -> float:
     """Return the heading of the x axis of a pose."""
     forward = matrix_from_quaternion(orientation)[:, 0]
     return degrees(atan2(forward[1], forward[0]))
-
-
-def named_poses(scenario: Scenario) -> list[NamedPoseReport]:
-    """Return the named poses of a world, and where its vehicles start, as `<vehicle>_start`."""
-    found = []
-    for name, named in scenario.world.poses.items():
-        x, y, z = named.position_m
-        box: tuple[Vector3 | None, Vector3 | None] = (None, None)
-        if named.box is not None:
-            box = named.box.low_m, named.box.high_m
-        pose = upright(x, y, z, named.yaw_deg)
-        found.append(NamedPoseReport(name, named.description, named.tags, *pose, *box))
-    ground = ground_of(scenario)
-    for vehicle in scenario.vehicles:
-        corners: Corners = box_around(vehicle_solids(vehicle.model))
-        pose = spawn_pose(vehicle, ground)
-        text = f"Start pose of `{vehicle.name}`"
-        found.append(NamedPoseReport(f"{vehicle.name}_start", text, ("start",), *pose, *corners))
-    return found
-
-
-def world_report(scenario: Scenario) -> WorldReport:
-    """Return name and description of a scenario's world."""
-    world = scenario.world
-    shipped = SHIPPED / "worlds" / f"{world.name}.yaml"
-    uri = f"worlds/{world.name}" if shipped.is_file() else ""
-    return WorldReport(world.name, uri, world.description or scenario.description, world.tags)

@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -16,6 +17,8 @@ from groundlink.messages.ground_truth import Contact, Vitals
 from groundlink.messages.navigation import JointState, Odometry
 from groundlink.monitor.mission_monitor import MissionMonitor
 from groundlink.scenario import Scenario
+from groundlink.scenario.schema import World
+from groundlink.world.solids import Box, Solid
 
 EPOCH = 1_700_000_000 * NANOS
 ZERO3 = (0.0, 0.0, 0.0)
@@ -26,11 +29,16 @@ UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 class StandInBus:
     """Hands messages to inboxes as Zenoh does."""
 
-    def __init__(self) -> None:
+    def __init__(self, present: Scenario | None = None) -> None:
+        self.present = present
         self.inboxes: dict[str, tuple[type[BusMessage], object]] = {}
 
     def subscribe(self, key: str, message: type[BusMessage], inbox: object) -> None:
         self.inboxes[key] = message, inbox
+
+    def query(self, key: str, *, seconds: float) -> dict[str, bytes]:
+        assert key == "groundlink/lab/scenario"
+        return {} if self.present is None else {key: msgspec.msgpack.encode(self.present)}
 
     def send(self, key: str, message: BusMessage) -> None:
         message_type, inbox = self.inboxes[f"groundlink/lab/{key}"]
@@ -54,9 +62,15 @@ def scenario() -> Scenario:
     return load("indoor_lab")
 
 
-def run_of(monitor: MissionMonitor, seconds: int, command: BusMessage, epoch: int = EPOCH) -> None:
+def run_of(
+    monitor: MissionMonitor,
+    seconds: int,
+    command: BusMessage,
+    epoch: int = EPOCH,
+    present: Scenario | None = None,
+) -> None:
     """Let the rover stand at a wall for some time, under commands."""
-    bus = StandInBus()
+    bus = StandInBus(present)
     monitor.subscribe(bus, "lab")  # type: ignore[arg-type]
     keys = {WheelCommand: "rover/command/wheels", JointState: "rover/command/joints/**"}
     key = keys.get(type(command), "rover/command")
@@ -105,6 +119,18 @@ def test_a_reset_begins_a_new_mission(scenario: Scenario, epoch: int) -> None:
     (mission,) = monitor.missions()
     assert (mission.state, mission.events) == ("driving", ())
     assert mission.seconds == pytest.approx(1.9)
+
+
+def test_an_episode_in_a_loaded_world_is_judged_by_that_world(scenario: Scenario) -> None:
+    """At x = 1.5 m, the rover is in the room, but beyond the edge of a small platform."""
+    monitor = MissionMonitor(scenario)
+    run_of(monitor, 2, AHEAD)
+    platform = Solid("platform", Box(size_m=(1.0, 1.0, 1.0)), "linoleum", (-5.0, 0.0, -0.5))
+    world = World(name="small", materials=scenario.world.materials, solids=(platform,))
+    for present, is_gone in ((replace(scenario, world=world), True), (scenario, False)):
+        run_of(monitor, 2, AHEAD, EPOCH + NANOS * (1 + is_gone), present)
+        (mission,) = monitor.missions()
+        assert bool(mission.ending) == is_gone, mission
 
 
 def test_a_removed_vehicle_is_left_out() -> None:

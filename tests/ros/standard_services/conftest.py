@@ -20,6 +20,8 @@ from udp_bridge.wire.run_commands import (
     RunCommandReply,
 )
 
+LAB = {"name": "lab", "uri": "worlds/lab", "description": "", "tags": []}
+
 
 class Simulator:
     """A run and its physics: stands in for `RunCommandClient`."""
@@ -28,7 +30,7 @@ class Simulator:
         self.state = RUNNING
         self.tick = 40
         self.queries: list[dict[str, Any]] = []
-        self.answers: dict[str, dict[str, Any] | Exception] = {}
+        self.answers: dict[str, dict[str, Any] | Exception] = {"world": {"world": LAB}}
         """Answers by kind of query; all others are answered by nothing but the tick."""
 
     def call(self, action: int, ticks: int = 0) -> RunCommandReply:

@@ -10,7 +10,8 @@ from udp_bridge.wire.run_commands import PAUSED, RUNNING
 from .conftest import Served
 
 STOPPED, PLAYING, PAUSE = range(3)
-UNSUPPORTED, OK, FAILED = 0, 1, 4
+NO_WORLD = 4
+UNSUPPORTED, OK, INCORRECT_STATE, FAILED = 0, 1, 3, 4
 ALREADY, ERROR, INCORRECT = 101, 102, 103
 
 
@@ -21,10 +22,10 @@ def state(served: Served) -> int:
 def test_features_are_those_of_the_services(served: Served, monkeypatch: Any) -> None:
     features = served.call("get_simulator_features").features
     assert list(features.features) == [
-        *(*range(15), 20, *range(22, 27), 31, 32, 33, 42, 44, 45, 50),
+        *(*range(15), 20, *range(22, 27), 31, 32, 33, *range(40, 46), 50),
     ]
     assert features.spawn_formats == ["groundlink_yaml"]
-    assert len(served.services) == 20
+    assert len(served.services) == 22
 
     from simulation_interfaces import action, srv
 
@@ -50,7 +51,8 @@ def test_states_follow_the_requests(served: Served) -> None:
     assert (set_state(PAUSE), state(served), set_state(PAUSE)) == (OK, PAUSE, ALREADY)
     assert simulator.queries == []
     assert (set_state(STOPPED), state(served), set_state(STOPPED)) == (OK, STOPPED, ALREADY)
-    assert simulator.queries == [{"query": "reset", "scopes": ["time", "state", "spawned"]}]
+    resets = [query for query in simulator.queries if query["query"] == "reset"]
+    assert resets == [{"query": "reset", "scopes": ["time", "state", "spawned"]}]
     assert (simulator.state, simulator.tick) == (PAUSED, 0)
     assert (set_state(PAUSE), state(served)) == (OK, PAUSE)
     assert (set_state(STOPPED), set_state(PLAYING), state(served)) == (OK, OK, PLAYING)
@@ -83,6 +85,20 @@ def test_steps_need_a_paused_run(served: Served) -> None:
     assert served.result("step_simulation") == (OK, "")
     assert served.simulator.tick == 6
     assert served.result("step_simulation", steps=0)[0] == FAILED
+
+
+def test_nothing_goes_on_without_a_world(served: Served) -> None:
+    simulator = served.simulator
+    simulator.state, simulator.tick = PAUSED, 0
+    simulator.refuse("world", "no_world")
+    assert state(served) == NO_WORLD
+    for wanted in (STOPPED, PLAYING, PAUSE):
+        result = served.result("set_simulation_state", state__state=wanted)
+        assert result == (INCORRECT, "no world is loaded. Fix: load one")
+    assert served.result("step_simulation", steps=1)[0] == INCORRECT_STATE
+    goal = Goal(3)
+    assert served.actions["simulate_steps"](goal).result.result == INCORRECT_STATE
+    assert (goal.ended, simulator.tick) == ("aborted", 0)
 
 
 class Goal:

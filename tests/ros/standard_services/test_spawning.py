@@ -8,9 +8,22 @@ from typing import Any
 
 import pytest
 
-from .conftest import Served
+from udp_bridge.node.command_client import CommandFailed
+from udp_bridge.wire.run_commands import PAUSED
+
+from .conftest import Served, Simulator
 
 UNSUPPORTED, OK, NOT_FOUND, INCORRECT_STATE, FAILED = range(5)
+STOPPED, PLAYING, LOADING_WORLD = 0, 1, 5
+LOADING_CODES = {
+    "unsupported_format": 101,
+    "no_resource": 102,
+    "parse_error": 103,
+    "missing_assets": 104,
+    "not_found": NOT_FOUND,
+    "incorrect_state": INCORRECT_STATE,
+    "failed": FAILED,
+}
 Message = Callable[..., Any]
 
 
@@ -57,6 +70,7 @@ def test_a_request_to_spawn_is_passed_on(served: Served, messages: Message) -> N
         ("incorrect_state", INCORRECT_STATE),
         ("unsupported", UNSUPPORTED),
         ("failed", FAILED),
+        ("no_world", FAILED),
         ("of_a_later_version", FAILED),
     ],
 )
@@ -148,6 +162,8 @@ def test_worlds(served: Served) -> None:
         *("lab", "indoor_lab", "a lab"),
         ["indoor"],
     )
+    served.simulator.refuse("world", "no_world")
+    assert served.result("get_current_world")[0] == 101
 
     answer: dict[str, Any] = {"worlds": [row, row | {"name": "yard", "tags": []}], "unknown": []}
     served.simulator.answers["worlds"] = answer
@@ -162,3 +178,38 @@ def test_worlds(served: Served) -> None:
     listed = served.call("get_available_worlds", **asked, continue_on_error=True)
     assert (listed.result.result, len(listed.worlds)) == (OK, 2)
     assert served.simulator.queries[-1] == {"query": "worlds", "sources": ["/nowhere"]}
+
+
+def test_a_loaded_world_is_told_and_leaves_the_simulation_stopped(served: Served) -> None:
+    simulator = served.simulator
+    row = {"name": "a", "uri": "", "description": "", "tags": [], "text": "name: a"}
+    simulator.answers["load_world"] = {"world": row}
+    simulator.state, simulator.tick = PAUSED, 0  # as physics leaves it
+    loaded = served.call("load_world", world_resource__resource_string="name: a").world
+    assert (loaded.name, loaded.world_resource.resource_string) == ("a", "name: a")
+    assert simulator.queries == [{"query": "load_world", "uri": "", "text": "name: a"}]
+    assert served.call("get_simulation_state").state.state == STOPPED
+    served.call("load_world", world_resource__uri="b", world_resource__resource_string="c")
+    assert simulator.queries[-1] == {"query": "load_world", "uri": "b", "text": ""}
+    for code, number in LOADING_CODES.items():
+        simulator.refuse("load_world", code)
+        assert served.result("load_world") == (number, "no")
+    assert served.result("unload_world") == (OK, "")
+    simulator.refuse("unload_world", "no_world")
+    assert served.result("unload_world") == (101, "no")
+
+
+def test_a_world_is_loading_until_physics_answers(served: Served) -> None:
+    told = []
+
+    def ask(text: str) -> str:
+        told.append(served.call("get_simulation_state").state.state)
+        told.append(served.result("set_simulation_state", state__state=PLAYING)[0])
+        raise CommandFailed("silence")
+
+    simulator = Simulator()
+    simulator.ask = ask  # type: ignore[method-assign]
+    served = Served(simulator)
+    assert served.result("load_world", world_resource__uri="yard") == (FAILED, "silence")
+    assert told == [LOADING_WORLD, 103]
+    assert served.call("get_simulation_state").state.state == PLAYING

@@ -441,6 +441,8 @@ class ReferenceSimulator:
             file = Path(urlparse(resource.uri).path)
             if file.suffix != ".toyworld":
                 raise Refused(codes.UNSUPPORTED_FORMAT)
+            if not file.is_file():
+                raise Refused(NOT_FOUND)
             text = file.read_text(encoding="utf-8")
         if not text:
             raise Refused(codes.NO_RESOURCE)

@@ -104,6 +104,24 @@ def any_world(request: Any) -> None:
         request.world_resource.resource_string = "world hall\n"
 
 
+def as_state(wrong: int, right: int) -> Callable[[Any], None]:
+    """Tell one state of the simulation instead of another."""
+
+    def change(response: Any) -> None:
+        if response.state.state == right:
+            response.state.state = wrong
+
+    return change
+
+
+def rename_world(response: Any) -> None:
+    response.world.name += "_2"
+
+
+def no_text(request: Any) -> None:
+    request.world_resource.resource_string = ""
+
+
 def one_step_more(request: Any) -> None:
     if request.steps > 1:
         request.steps += 1
@@ -141,6 +159,7 @@ def flat(response: Any) -> None:
 SpawnEntity, SpawnEntities = srv.SpawnEntity, srv.SpawnEntities
 SetState = srv.SetSimulationState
 Reset = srv.ResetSimulation.Request
+State = srv.GetSimulationState.Response
 Load = srv.LoadWorld.Response
 UnloadResponse = srv.UnloadWorld.Response
 
@@ -397,6 +416,72 @@ VIOLATIONS = (
         srv.LoadWorld.Request,
         any_world,
         "test_world_without_resource_is_refused",
+    ),
+    Violation(
+        "plays the loaded world",
+        State,
+        as_state(SimulationState.STATE_PLAYING, SimulationState.STATE_STOPPED),
+        "test_loaded_world_is_stopped_and_empty",
+    ),
+    Violation(
+        "tells another world than the loaded one",
+        srv.GetCurrentWorld.Response,
+        rename_world,
+        "test_loaded_world_is_the_current_one",
+    ),
+    Violation(
+        "loads a file of any format",
+        srv.LoadWorld.Response,
+        code(OK, Load.UNSUPPORTED_FORMAT),
+        "test_world_of_unknown_format_is_refused",
+    ),
+    Violation(
+        "loads a file that is not there",
+        srv.LoadWorld.Response,
+        code(OK, Result.RESULT_NOT_FOUND),
+        "test_world_that_is_missing_is_refused",
+    ),
+    Violation(
+        "ignores a world's text",
+        srv.LoadWorld.Request,
+        no_text,
+        "test_world_is_loaded_from_a_string",
+    ),
+    Violation(
+        "loads a malformed text",
+        srv.LoadWorld.Response,
+        code(OK, Load.RESOURCE_PARSE_ERROR),
+        "test_malformed_string_is_no_world",
+    ),
+    Violation(
+        "tells no state of no world",
+        State,
+        as_state(SimulationState.STATE_PAUSED, SimulationState.STATE_NO_WORLD),
+        "test_unloaded_world_leaves_nothing",
+    ),
+    Violation(
+        "tells the world that was unloaded",
+        srv.GetCurrentWorld.Response,
+        code(OK, srv.GetCurrentWorld.Response.NO_WORLD_LOADED),
+        "test_no_world_is_current_after_unloading",
+    ),
+    Violation(
+        "loads a world after another one only",
+        State,
+        as_state(SimulationState.STATE_NO_WORLD, SimulationState.STATE_STOPPED),
+        "test_world_is_loaded_after_unloading",
+    ),
+    Violation(
+        "steps without a world",
+        srv.StepSimulation.Response,
+        code(OK, FAILED),
+        "test_nothing_is_stepped_without_a_world",
+    ),
+    Violation(
+        "plays without a world",
+        srv.SetSimulationState.Response,
+        code(OK, SetState.Response.STATE_TRANSITION_ERROR),
+        "test_state_is_not_set_without_a_world[playing]",
     ),
     Violation(
         "reports a malformed world as one of unknown format",

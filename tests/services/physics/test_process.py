@@ -11,9 +11,10 @@ import pytest
 from msgspec.structs import replace
 
 from groundlink.bus.inbox import BusInbox
-from groundlink.bus.queries import world_query_key
+from groundlink.bus.queries import control_key, world_query_key
 from groundlink.bus.session import REPLIES_KEPT
 from groundlink.core.clock import NANOS
+from groundlink.episode.journal import Journal, dumped
 from groundlink.loader import load
 from groundlink.messages.base import Ack, BusMessage, State, WheelCommand, decode, encode, floats
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
@@ -161,26 +162,47 @@ class AskedBus(SlowBus):
         self.answers[key] = answer
 
 
-def test_resets_by_scope_begin_episodes_that_keep_what_they_should() -> None:
-    bus: Any = AskedBus(Clocks())
-    scenario = replace(load(str(SCENARIO)), time=Time("fast"))
-    physics = process.PhysicsServer(RunSource(scenario), "run", bus)
-    physics._has_begun = True  # without its sensors
-    physics.episode.begin(1, 0.0)
+class AskedPhysics(process.PhysicsServer):
+    """Physics of a fast run in the lab that is asked world queries, without its sensors."""
 
-    def ask(query: str, **fields: object) -> Any:
-        content = msgspec.json.encode({"query": query, **fields})
+    def __init__(self) -> None:
+        self.bus: Any = AskedBus(Clocks())
+        scenario = replace(load(str(SCENARIO)), time=Time("fast"))
+        super().__init__(RunSource(scenario), "run", self.bus)
+        self._has_begun = True
+        self.episode.begin(1, 0.0)
+
+    def answer(self, key: str, asked: str, content: bytes) -> Any:
         with ThreadPoolExecutor(1) as pool:
-            asked = pool.submit(bus.answers[world_query_key("run")], "", content)
-            while not asked.done():
-                physics.receive()
-        answer = msgspec.json.decode(asked.result()[0])
+            waiting = pool.submit(self.bus.answers[key], asked, content)
+            while not waiting.done():
+                self.receive()
+        return msgspec.json.decode(waiting.result()[0])
+
+    def ask(self, query: str, **fields: object) -> Any:
+        content = msgspec.json.encode({"query": query, **fields})
+        answer = self.answer(world_query_key("run"), "", content)
         assert "error" not in answer, answer
         return answer
 
-    def entities() -> dict[str, Any]:
-        return {entity["name"]: entity for entity in ask("entities")["entities"]}
+    def command(self, wish: str, **fields: object) -> Any:
+        asked = msgspec.json.encode({"wish": wish, **fields}).decode()
+        return self.answer(control_key("run"), asked, b"")
 
+    def entities(self) -> dict[str, Any]:
+        return {entity["name"]: entity for entity in self.ask("entities")["entities"]}
+
+    def restored(self, journal: Journal) -> None:
+        """Restore a saved run."""
+        self.restore(dumped(journal))
+        while self._restoration is not None:
+            self.step()
+        assert (self.control.failure, self.control.warning) == ("", "")
+
+
+def test_resets_by_scope_begin_episodes_that_keep_what_they_should() -> None:
+    physics = AskedPhysics()
+    ask, entities = physics.ask, physics.entities
     began, first_hash = entities(), physics.episode.world_hash
     ask("spawn", uri="person", name="tom", position_m=[0.0, 1.0, 0.0])
     ask("place", name="tom", position_m=[1.0, 1.0, 0.0])
@@ -197,4 +219,51 @@ def test_resets_by_scope_begin_episodes_that_keep_what_they_should() -> None:
     assert ask("reset", scopes=["time", "state", "spawned"])["tick"] == physics.episode.tick == 0
     assert entities() == began
     assert physics.episode.world_hash == first_hash
+    physics.close()
+
+
+def test_a_loaded_world_is_what_a_run_is_reset_to_and_restored_in() -> None:
+    physics = AskedPhysics()
+    began, first, lab = physics.entities(), physics.episode.number, physics.episode.world_hash
+    before = physics.episode.journal()
+    physics.ask("spawn", uri="box", position_m=[0.0, 1.0, 0.0])
+    physics.step()
+    assert physics.ask("load_world", uri="yard")["tick"] == physics.episode.tick == 0
+    yard, in_yard = physics.episode.world_hash, physics.entities()
+    assert physics.control.paused
+    assert physics.episode.number != first
+    assert "rover" in in_yard
+    assert not {"box", "room"} & in_yard.keys()
+    assert physics._scenario_of(yard) == physics._scenario_of("")
+    physics.ask("spawn", uri="crate", position_m=[0.0, 0.0, 0.0])
+    physics.step()
+    saved = physics.episode.journal()
+    assert saved.scenario.world.name == "yard"
+    physics.ask("reset", scopes=["time", "state", "spawned"])
+    assert (physics.episode.world_hash, physics.entities()) == (yard, in_yard)
+    physics.ask("load_world", uri="indoor_lab")
+    assert physics.entities() == began
+    assert physics.episode.world_hash == lab
+    physics.restored(saved)
+    assert physics.entities().keys() == in_yard.keys() | {"crate"}
+    physics.ask("reset", scopes=["time", "state", "spawned"])
+    assert physics.entities() == in_yard, "the world of a restored run is its loaded one"
+    physics.restored(before)
+    assert physics.ask("world")["world"]["uri"] == "worlds/lab"
+    physics.close()
+
+
+def test_time_stands_still_without_a_world() -> None:
+    physics = AskedPhysics()
+    physics.ask("unload_world")
+    physics.command("resume")
+    for wish, fields in (("resume", {}), ("step", {"ticks": 5}), ("reset", {})):
+        refused = physics.command(wish, **fields)
+        assert (refused["error"], refused["paused"]) == ("no world is loaded. Fix: load one", True)
+    assert physics.wait_seconds(0.0) > 0.0
+    unloaded = physics.episode.journal()
+    physics.ask("load_world", uri="worlds/lab")
+    assert physics.command("resume")["paused"] is False
+    physics.restored(unloaded)
+    assert physics.command("resume")["paused"] is True, "a saved run without a world has none"
     physics.close()

@@ -13,7 +13,8 @@ from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Ack, Clock, Command
 from groundlink.recording.reader import Recording
 from groundlink.scenario import Scenario
-from services.recorder.mcap_files import JOURNAL_NANOS, McapFiles
+from groundlink.scene.loaded_world import with_world
+from services.recorder.mcap_files import JOURNAL_NANOS, NO_ENTRIES, McapFiles
 from services.recorder.recorder import Recorder
 
 RUN = "lab"
@@ -131,3 +132,22 @@ def test_the_journal_of_another_episode_is_ignored(lab: Scenario, tmp_path: Path
     files.finish(recorder)
     with Recording(files.path) as recording:
         assert recording.journal is None
+
+
+def test_the_file_of_a_further_episode_has_its_world(lab: Scenario, tmp_path: Path) -> None:
+    physics = Physics(with_world(lab, load("yard")), episode=77)
+    asked = []
+
+    def ask(query: str) -> bytes:
+        asked.append(query)
+        return dumped(replace(physics.journal(), left_out=NO_ENTRIES))
+
+    files = McapFiles(tmp_path / "run.mcap", lab, RUN, ask)
+    for epoch, world in enumerate(("lab", "yard")):
+        file = files.begin(epoch)
+        file.commit({})
+        file.close()
+        with Recording(files.path) as recording:
+            assert recording.run.scenario.world.name == world
+    assert recording.run.scenario == physics.scenario
+    assert asked == [f"/{NO_ENTRIES}"]

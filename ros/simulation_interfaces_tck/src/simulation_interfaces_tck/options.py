@@ -22,6 +22,13 @@ def add_options(add: Callable[..., Any]) -> None:
         "resource string, and broken (default: a box in URDF, SDF or MJCF)",
     )
     add(
+        "--world",
+        metavar="FILE",
+        default="",
+        help="file of a world that the simulator can load, on its machine and on this one; loaded "
+        "by its URI and as a resource string, and broken (default: the current world's)",
+    )
+    add(
         "--origin",
         nargs=3,
         type=float,

@@ -122,6 +122,7 @@ def session_scene(
         simulator,
         options.spawnable,
         options.definition,
+        options.world,
         tuple(options.origin),
         options.spacing,
         options.tolerance,

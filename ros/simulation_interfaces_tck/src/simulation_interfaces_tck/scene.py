@@ -54,6 +54,8 @@ class SimulatorScene:
         URI of a resource to spawn; empty: the first that GetSpawnables lists.
     definition
         Path of a file that defines an entity; empty: formats of the standard.
+    world
+        Path of a file of a world that can be loaded; empty: what the simulator names.
     origin
         Where to spawn, in meters in the world frame.
     spacing
@@ -67,6 +69,7 @@ class SimulatorScene:
         simulator: SimulatorClient,
         spawnable: str,
         definition: str,
+        world: str,
         origin: Place,
         spacing: float,
         tolerance: float,
@@ -76,6 +79,7 @@ class SimulatorScene:
         self.definitions = Definitions(
             simulator.features.spawn_formats, Path(definition) if definition else None
         )
+        self.world_file = Path(world).resolve() if world else None
         self._spawnable = spawnable
         self._origin = origin
         self._spacing = spacing
@@ -285,8 +289,10 @@ class SimulatorScene:
     def put_back(self) -> None:
         """Remove what was spawned; set the state of before, and the world."""
         announced = self.simulator.announced
-        if self._world is not None and self.world() is None and "WORLD_LOADING" in announced:
-            self.load_again()
+        if self._world is not None and "WORLD_LOADING" in announced:
+            world = self.world()
+            if world is None or world.world_resource != self._world.world_resource:
+                self.load_again()
         self.remove_spawned()
         for name, (state, info) in self._existing.items():
             if state is not None and "ENTITY_STATE_SETTING" in announced:

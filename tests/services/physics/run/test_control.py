@@ -45,6 +45,9 @@ class Loop:
     def restore(self, content: bytes) -> None:
         self.restored.append(content)
 
+    def refuse_without_world(self) -> None:
+        """Refuse nothing: there is a world."""
+
     def turn(self, times: int = 1) -> None:
         for _ in range(times):
             self.control.execute_pending()

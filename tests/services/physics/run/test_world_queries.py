@@ -29,6 +29,7 @@ from groundlink.world.actors import Actor, CrateForm, PathMotion
 from services.physics.run.episode import Episode
 from services.physics.run.publishers import silent_publishers
 from services.physics.run.restore import Restoration
+from services.physics.run.world_loading import WorldSource
 from services.physics.run.world_queries import WorldQueryAnswers
 
 T = TypeVar("T")
@@ -45,6 +46,12 @@ actors:
     form: {kind: crate, material: red}
     motion: {kind: along, points_m: [[0, 1], [1, 1]]}
 """
+
+BOX = (
+    "name: a\nmaterials: {m: {}}\nsolids: [{name: b, material: m, position_m: [-4.6, 0, 0], shape: "
+)
+NO_MESH = BOX + "{kind: mesh, file: no.stl}}]"
+BLOCKED = BOX + "{kind: box, size_m: [1, 1, 1]}}]"
 
 
 def scenario() -> Scenario:
@@ -84,7 +91,8 @@ class Run:
 
     def __init__(self) -> None:
         self.episode = episode_of(LAB)
-        self.first_scenario = LAB
+        self.first_scenario = self.as_loaded = LAB
+        self.world_source = WorldSource()
         self.is_restoring = False
         self._answers = WorldQueryAnswers(self)
 
@@ -92,8 +100,16 @@ class Run:
         if self.is_restoring:
             raise UserError("the run is being restored")
 
-    def between_ticks(self, do: Callable[[], T]) -> T:
+    def between_ticks(self, do: Callable[[], T], *, seconds: float = 0.0) -> T:
         return do()
+
+    def known_worlds(self) -> dict[str, Scenario]:
+        return self.episode.worlds
+
+    def load(self, scenario: Scenario, source: WorldSource) -> None:
+        self.episode.end()
+        self.episode = episode_of(scenario)
+        self.as_loaded, self.world_source = scenario, source
 
     def change(self, command: WorldChange) -> None:
         self.episode.change(command)
@@ -265,6 +281,17 @@ def test_a_pose_may_be_relative_to_an_entity(run: Run) -> None:
         ("spawn", {"uri": "crate", "orientation": [0, 0, 0, 0]}, "invalid_pose"),
         ("spawn", {"uri": "crate", "frame": "nobody"}, "not_found"),
         ("spawn", {"text": PACER, "orientation": [0.0, 0.6, 0.0, 0.8]}, "failed"),
+        ("load_world", {}, "no_resource"),
+        ("load_world", {"uri": "yrd"}, "not_found"),
+        ("load_world", {"uri": "/tmp/no_such_file.yaml"}, "not_found"),
+        ("load_world", {"uri": "world.sdf"}, "unsupported_format"),
+        ("load_world", {"text": "<sdf/>"}, "unsupported_format"),
+        ("load_world", {"text": "name: [1"}, "parse_error"),
+        ("load_world", {"text": "name: a\nmaterials: {red: {colour: 1}}"}, "parse_error"),
+        ("load_world", {"text": NO_MESH}, "missing_assets"),
+        ("load_world", {"uri": str(SHIPPED / "vehicles" / "rover.yaml")}, "parse_error"),
+        ("load_world", {"text": BLOCKED}, "failed"),
+        ("load_world", {"text": "name: a\nmaterials: {}"}, "failed"),
         ("dance", {}, "unsupported"),
         ("remove", {}, "failed"),
     ],
@@ -354,6 +381,75 @@ def test_a_reset_of_what_was_spawned_keeps_the_rest(run: Run) -> None:
     run.ask("reset", scopes=["spawned"])
     assert run.names() == began
     assert run.entity("rover")["tags"] == ["ego"]
+
+
+OPEN = """
+name: open
+materials: {floor: {}}
+solids:
+  - name: floor
+    material: floor
+    position_m: [0, 0, -0.5]
+    shape: {kind: box, size_m: [20, 20, 1]}
+poses: {gate: {position_m: [1, 0, 0]}}
+"""
+
+
+def test_a_world_of_text_has_the_runs_vehicles_and_nothing_that_was_spawned(run: Run) -> None:
+    run.ask("spawn", uri="box", position_m=[0.0, 1.0, 0.0])
+    start = run.entity("rover")["position_m"]
+    answer = run.ask("load_world", text=OPEN)
+    told = {"name": "open", "uri": "", "description": "", "tags": [], "text": OPEN}
+    assert (answer["tick"], answer["world"]) == (0, told)
+    assert run.ask("world")["world"] == told
+    assert run.names() == {"rover", "floor"}
+    assert run.entity("rover")["position_m"] == pytest.approx(start, abs=1e-6)
+    assert run.entity("rover")["tags"] == [], "the tags of the lab's rover are the lab's"
+    assert [pose["name"] for pose in run.ask("named_poses")["poses"]] == ["gate", "rover_start"]
+    run.ask("spawn", uri="box", position_m=[0.0, 1.0, 0.0])
+    run.ask("reset", scopes=["spawned"])
+    assert run.names() == {"rover", "floor"}
+
+
+def test_a_scenario_brings_starts_and_nothing_else_of_its_vehicles(run: Run) -> None:
+    world = run.ask("load_world", uri="yard")["world"]
+    assert (world["name"], world["uri"]) == ("yard", "yard")
+    assert run.entity("rover")["position_m"][:2] == pytest.approx([-8.0, -4.0])
+    scenario = run.episode.scenario
+    assert (scenario.name, scenario.seed, scenario.time) == (LAB.name, LAB.seed, LAB.time)
+    assert scenario.sensor_names() == LAB.sensor_names()
+    assert run.ask("load_world", uri="worlds/lab")["world"]["uri"] == "worlds/lab"
+    assert run.entity("rover")["position_m"][:2] == pytest.approx([-4.6, 0.0]), "its own start"
+
+
+def test_worlds_that_differ_in_what_no_hash_covers_have_other_hashes(run: Run) -> None:
+    hashes = []
+    for visibility in ("50.0", "80.0", "50.0"):
+        run.ask("load_world", text=OPEN + f"weather: {{fog_visibility_m: {visibility}}}\n")
+        hashes.append(run.episode.world_hash)
+    run.ask("load_world", text=OPEN)
+    assert hashes[0] != hashes[1]
+    assert run.episode.world_hash not in hashes[1:]
+
+
+def test_without_a_world_nothing_is_listed_or_changed_until_one_is_loaded(run: Run) -> None:
+    assert run.ask("unload_world")["tick"] == 0
+    assert {run.ask(query)["code"] for query in ("world", "unload_world")} == {"no_world"}
+    assert run.names() == set()
+    assert run.ask("named_poses")["poses"] == []
+    for query, fields in {
+        "entities": {"name": "rover"},
+        "remove": {"name": "rover"},
+        "place": {"name": "rover"},
+        "describe": {"name": "rover"},
+        "spawn": {"uri": "box"},
+        "reset": {"scopes": ["time", "state", "spawned"]},
+    }.items():
+        refusal = run.ask(query, **fields)
+        assert refusal["code"] == "incorrect_state", query
+        assert refusal["error"] == "no world is loaded. Fix: load one"
+    run.ask("load_world", uri="indoor_lab")
+    assert "rover" in run.names()
 
 
 def lives(run: Run) -> None:

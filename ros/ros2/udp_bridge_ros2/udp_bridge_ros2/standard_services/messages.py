@@ -181,7 +181,7 @@ def world_resource(row: WorldDescription) -> Any:
     """Return a WorldResource."""
     return WorldResource(
         name=row.name,
-        world_resource=Resource(uri=row.uri),
+        world_resource=Resource(uri=row.uri, resource_string=row.text),
         description=row.description,
         tags=list(row.tags),
     )

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from simulation_interfaces.action import SimulateSteps
@@ -23,6 +25,13 @@ SCOPES = {
 }
 
 
+WITHOUT_WORLD = {
+    SimulationState.STATE_NO_WORLD: "no world is loaded. Fix: load one",
+    SimulationState.STATE_LOADING_WORLD: "a world is being loaded. Fix: wait until that is done",
+}
+"""Why the simulation cannot be started, stopped, paused or stepped in these states."""
+
+
 class _Canceled(Exception):
     """The client canceled the steps."""
 
@@ -33,6 +42,7 @@ class RunStateServices:
     def __init__(self, run: RunControl, queries: WorldQueries) -> None:
         self._run = run
         self._queries = queries
+        self._is_loading = False
         self._is_stopped = False
         """Whether the last request was to stop. A stopped run is a paused run that was reset, so
         the run itself does not reveal the difference."""
@@ -49,7 +59,7 @@ class RunStateServices:
             SimulationState.STATE_PAUSED: self._run.pause,
             SimulationState.STATE_STOPPED: self._stop,
         }
-        if wanted in (SimulationState.STATE_NO_WORLD, SimulationState.STATE_LOADING_WORLD):
+        if wanted in WITHOUT_WORLD:
             raise RequestRefused(
                 "INCORRECT_TRANSITION",
                 f"state {wanted} can't be set, only 0 (stopped), 1 (playing) and 2 (paused)",
@@ -61,8 +71,11 @@ class RunStateServices:
                 "a run is ended where it was started",
             )
         try:
-            if self._state() == wanted:
+            present = self._state()
+            if present == wanted:
                 raise RequestRefused("ALREADY_IN_TARGET_STATE", f"the state is already {wanted}")
+            if present in WITHOUT_WORLD:
+                raise RequestRefused("INCORRECT_TRANSITION", WITHOUT_WORLD[present])
             transitions[wanted]()
         except CommandFailed as failed:
             raise RequestRefused("STATE_TRANSITION_ERROR", str(failed)) from None
@@ -124,23 +137,36 @@ class RunStateServices:
             )
         self._queries.reset([name for bit, name in SCOPES.items() if scope & bit])
 
-    def world_loaded(self) -> None:
-        """Note that another world was loaded, which leaves the simulation stopped."""
-        self._is_stopped = True
+    @contextmanager
+    def loading_world(self) -> Iterator[None]:
+        """Report that a world is being loaded, which leaves the simulation stopped."""
+        self._is_loading = True
+        try:
+            yield
+            self._is_stopped = True
+        finally:
+            self._is_loading = False
 
     def _stop(self) -> None:
         self._run.pause()
         self._queries.reset(list(SCOPES.values()))
 
     def _state(self) -> int:
+        if self._is_loading:
+            return int(SimulationState.STATE_LOADING_WORLD)
         run = self._run.state()
         self._is_stopped = self._is_stopped and is_paused(run) and run.tick <= 0
         if not is_paused(run):
             return int(SimulationState.STATE_PLAYING)
+        if run.tick <= 0 and not self._queries.has_world():
+            return int(SimulationState.STATE_NO_WORLD)
         if self._is_stopped:
             return int(SimulationState.STATE_STOPPED)
         return int(SimulationState.STATE_PAUSED)
 
     def _refuse_steps_if_stopped(self) -> None:
-        if self._state() == SimulationState.STATE_STOPPED:
+        state = self._state()
+        if state in WITHOUT_WORLD:
+            raise RequestRefused("RESULT_INCORRECT_STATE", WITHOUT_WORLD[state])
+        if state == SimulationState.STATE_STOPPED:
             raise CommandFailed("the simulation is stopped. Fix: pause it first")

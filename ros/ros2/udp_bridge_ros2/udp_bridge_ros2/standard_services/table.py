@@ -79,7 +79,7 @@ def _table(run: RunControl, queries: WorldQueries) -> tuple[list[ServiceRow], li
     entities = EntityServices(queries)
     spawning = SpawnServices(queries)
     poses = NamedPoseServices(queries)
-    worlds = WorldServices(queries)
+    worlds = WorldServices(queries, state)
     services = [
         ServiceRow(
             "get_simulation_state",
@@ -136,6 +136,10 @@ def _table(run: RunControl, queries: WorldQueries) -> tuple[list[ServiceRow], li
         ServiceRow("get_named_poses", "GetNamedPoses", poses.poses, ("NAMED_POSES",)),
         ServiceRow("get_named_pose_bounds", "GetNamedPoseBounds", poses.bounds, ("POSE_BOUNDS",)),
         ServiceRow("get_current_world", "GetCurrentWorld", worlds.current, ("WORLD_INFO_GETTING",)),
+        ServiceRow(
+            "load_world", "LoadWorld", worlds.load, ("WORLD_LOADING", "WORLD_RESOURCE_STRING")
+        ),
+        ServiceRow("unload_world", "UnloadWorld", worlds.unload, ("WORLD_UNLOADING",)),
         ServiceRow(
             "get_available_worlds",
             "GetAvailableWorlds",

@@ -29,6 +29,7 @@ CONSTANTS = {
     "parse_error": "RESOURCE_PARSE_ERROR",
     "missing_assets": "MISSING_ASSETS",
     "invalid_pose": "INVALID_POSE",
+    "no_world": "NO_WORLD_LOADED",
 }
 """Result codes by the codes of physics."""
 
@@ -80,6 +81,8 @@ class WorldDescription(NamedTuple):
     uri: str
     description: str
     tags: tuple[str, ...]
+    text: str = ""
+    """Content of the file, of a world that was loaded from it."""
 
 
 PlainPose = tuple[Vector, Quaternion]
@@ -192,6 +195,24 @@ class WorldQueries:
         answer = self._answer("worlds", sources=list(sources))
         return _rows(WorldDescription, answer, "worlds"), _texts(answer, "unknown")
 
+    def has_world(self) -> bool:
+        """Return whether a world is loaded."""
+        try:
+            self.world()
+        except RequestRefused as refused:
+            if refused.constant != CONSTANTS["no_world"]:
+                raise
+            return False
+        return True
+
+    def load_world(self, uri: str, text: str) -> WorldDescription:
+        """Load another world, paused at its start; return it."""
+        return _row(WorldDescription, self._answer("load_world", uri=uri, text=text), "world")
+
+    def unload_world(self) -> None:
+        """Unload the world."""
+        self._answer("unload_world")
+
     def _answer(self, query: str, **fields: Any) -> dict[str, Any]:
         text = self._ask(json.dumps({"query": query, **fields}, allow_nan=False))
         try:
@@ -218,7 +239,7 @@ def _row(kind: type[Row], answer: dict[str, Any], key: str) -> Row:
 
 
 def _read(kind: Any, fields: dict[str, Any]) -> Any:
-    return kind(*(_READERS[name](fields[name]) for name in kind._fields))
+    return kind(**{name: _READERS[name](fields[name]) for name in kind._fields if name in fields})
 
 
 def _text(value: Any) -> str:
@@ -247,6 +268,7 @@ def _quaternion(value: Any) -> Quaternion:
 
 _READERS: dict[str, Callable[[Any], Any]] = {
     "name": _text,
+    "text": _text,
     "uri": _text,
     "category": _text,
     "description": _text,

@@ -12,6 +12,7 @@ from simulation_interfaces.srv import (
     GetCurrentWorld,
     LoadWorld,
     SetSimulationState,
+    StepSimulation,
     UnloadWorld,
 )
 
@@ -25,7 +26,9 @@ MODES = {"any": TagsFilter.FILTER_MODE_ANY, "all": TagsFilter.FILTER_MODE_ALL}
 
 
 def _some_world(scene: SimulatorScene) -> Resource:
-    """Return a resource to load: the current world's, else the first that is available."""
+    """Return a resource to load: the given one, the current world's, or the first available."""
+    if scene.world_file:
+        return Resource(uri=scene.world_file.as_uri())
     if world := scene.world():
         return world.world_resource
     if "AVAILABLE_WORLDS" in scene.simulator.announced:
@@ -142,6 +145,16 @@ def test_world_of_unknown_format_is_refused(scene: SimulatorScene, tmp_path: Pat
     scene.simulator.expect(code, LoadWorld, world_resource=Resource(uri=file.as_uri()))
 
 
+@clause("Resource.msg: uri", "WORLD_LOADING", needs=["WORLD_INFO_GETTING"])
+def test_world_that_is_missing_is_refused(scene: SimulatorScene, tmp_path: Path) -> None:
+    """A file that does not exist is not loaded."""
+    suffix = Path(urlparse(_some_world(scene).uri).path).suffix
+    missing = Resource(uri=(tmp_path / f"missing{suffix}").as_uri())
+    response = scene.simulator.call(LoadWorld, world_resource=missing)
+    if response.result.result == OK:
+        fail("LoadWorld: expected a refusal of a file that does not exist, got RESULT_OK")
+
+
 @clause("LoadWorld.srv: RESOURCE_PARSE_ERROR", "WORLD_LOADING", needs=["WORLD_INFO_GETTING"])
 def test_malformed_world_is_refused(scene: SimulatorScene, tmp_path: Path) -> None:
     """A file of a supported format that can't be parsed is refused as that."""
@@ -197,6 +210,26 @@ def test_world_is_unloaded_once(scene: SimulatorScene) -> None:
     """Without a world, none can be unloaded."""
     _unload(scene)
     scene.simulator.expect(UnloadWorld.Response.NO_WORLD_LOADED, UnloadWorld)
+
+
+@clause("UnloadWorld.srv: description", "WORLD_UNLOADING", needs=["WORLD_LOADING"])
+def test_world_is_loaded_after_unloading(scene: SimulatorScene) -> None:
+    """After unloading, a world can be loaded, and leaves the simulation stopped."""
+    resource = _some_world(scene)
+    _unload(scene)
+    scene.simulator.expect(OK, LoadWorld, world_resource=resource)
+    scene.must_be(STOPPED)
+    if scene.world() is None:
+        fail("GetCurrentWorld: expected the world that was loaded, got NO_WORLD_LOADED")
+
+
+@clause("SimulationState.msg: STATE_NO_WORLD", "WORLD_UNLOADING", needs=["STEP_SIMULATION_SINGLE"])
+def test_nothing_is_stepped_without_a_world(scene: SimulatorScene) -> None:
+    """Without a world, the simulation is inactive."""
+    _unload(scene)
+    response = scene.simulator.call(StepSimulation, steps=1)
+    if response.result.result == OK:
+        fail("StepSimulation: expected a refusal without a world, got RESULT_OK")
 
 
 @pytest.mark.parametrize("state", [STOPPED, PLAYING, PAUSED], ids=["stopped", "playing", "paused"])
