@@ -16,6 +16,8 @@ from groundlink.world.solids import Box, Material, Solid
 
 from .build import material_uses, world_hash
 
+_CANONICAL = msgspec.msgpack.Encoder(order="deterministic")
+
 _NO_WORLD = "no_world"
 _GROUND = Solid("no_world_ground", Box(size_m=(10.0, 10.0, 1.0)), _NO_WORLD, (0.0, 0.0, -0.5))
 """Only solid of a run without a world: sensors and maps need something to measure."""
@@ -72,7 +74,7 @@ def distinct(scenario: Scenario, known: Mapping[str, Scenario]) -> Scenario:
     """Return a scenario whose hash differs from those of other worlds of the run.
 
     The hash covers bodies and materials only, and sensors renew themselves when it changes. A world
-    that differs in weather, light or position on Earth alone gets an unused material.
+    that differs in weather, light, position on Earth or descriptions alone gets an unused material.
 
     Parameters
     ----------
@@ -82,7 +84,7 @@ def distinct(scenario: Scenario, known: Mapping[str, Scenario]) -> Scenario:
     other = known.get(world_hash(scenario))
     if other is None or _surroundings(other.world) == _surroundings(scenario.world):
         return scenario
-    digest = hashlib.sha256(msgspec.msgpack.encode(_surroundings(scenario.world))).hexdigest()
+    digest = hashlib.sha256(_CANONICAL.encode(_surroundings(scenario.world))).hexdigest()
     materials = scenario.world.materials | {f"world_{digest[:12]}": Material()}
     return replace(scenario, world=replace(scenario.world, materials=materials))
 
@@ -112,8 +114,8 @@ def _vehicle_materials(run: Scenario) -> dict[str, Material]:
 
 
 def _surroundings(world: World) -> tuple[object, ...]:
-    """Return what sensors measure of a world and its hash does not cover."""
-    return world.weather, world.light, world.datum
+    """Return what sensors tell of a world and its hash does not cover."""
+    return world.weather, world.light, world.datum, world.entities
 
 
 def _as_loaded(world: World) -> World:
