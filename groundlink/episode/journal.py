@@ -16,6 +16,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 from msgspec import Struct
@@ -163,6 +164,9 @@ class Journal(Struct, frozen=True, kw_only=True):
 
     acks: dict[str, Ack] = {}
     """Last acknowledgement of every process, by name."""
+
+    in_loaded_world: Literal[True] | msgspec.UnsetType = msgspec.UNSET
+    """Whether the world was loaded into the run, so that the scenario of its start lacks it."""
 
     def read(self) -> Iterator[AnyEntry]:
         """Yield the entries."""

@@ -24,6 +24,7 @@ from groundlink.ros.streams import CLOCK_TOPIC, faults_topic, incoming, missing_
 from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Fault
 from groundlink.scene.build import world_hash
+from groundlink.scene.loaded_world import in_present_world
 
 from .comparison import ComparedSpan
 from .differences import Difference, first_difference
@@ -64,6 +65,14 @@ def compared_span(recording: Recording) -> ComparedSpan:
     if found.end_nanos <= found.first_nanos:
         raise UserError(f"{recording.path}: too short to compare. Fix: record longer")
     return found
+
+
+def in_recorded_world(recording: Recording, scenario: Scenario) -> Scenario:
+    """Return a scenario in the world of the recording, if that was loaded into the run."""
+    journal = recording.journal
+    if journal is None or not journal.in_loaded_world:
+        return scenario
+    return in_present_world(scenario, journal.scenario)
 
 
 def silent_sensors(recording: Recording, scenario: Scenario) -> list[str]:
@@ -235,6 +244,8 @@ def caveats(recording: Recording, scenario: Scenario, extent: ComparedSpan) -> I
         yield f"scenario name differs: `{then.name}` recorded, `{scenario.name}` given"
     if found := scenario_difference(then, scenario):
         yield f"scenario differs: {found}"
+    if journal and journal.in_loaded_world:
+        yield f"the world `{then.world.name}` was loaded during the run; the run is repeated in it"
     if world_hash(then) != world_hash(scenario):
         yield "world hash differs: most messages may differ"
     if then.world != run.scenario.world:

@@ -268,6 +268,10 @@ def test_the_standard_services(tmp_path: Path, pytestconfig: pytest.Config) -> N
             assert place_of("rover") == pytest.approx(start)
             assert farthest_m() < 13.0
     words = (sys.executable, "-m", "groundlink", "verify", str(tmp_path / "run_2.mcap"))
+    lines = it.scenario.read_text(encoding="utf-8").splitlines(keepends=True)
+    only = "".join(line for line in lines if not re.match(r" +- {kind: (imu|encoders),", line))
+    it.scenario.write_text(only, encoding="utf-8")
+    words = (*words, str(it.scenario))
     verified = subprocess.run(words, capture_output=True, text=True, timeout=90, check=False)
     assert verified.returncode == 0, verified.stdout + verified.stderr
     assert "/points" in verified.stdout

@@ -63,6 +63,7 @@ def verify(options: argparse.Namespace) -> int:
     with Recording(options.recording) as recording, tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         extent = verifying.compared_span(recording)
+        scenario = verifying.in_recorded_world(recording, scenario)
         for line in verifying.caveats(recording, scenario, extent):
             say(line)
         again = verifying.replay_journal(recording, scenario)

@@ -7,6 +7,7 @@ All that a reset starts anew is here, and nothing else: processes and their conn
 from collections import deque
 from collections.abc import Mapping, Sequence
 
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from groundlink.bus.core_topics import GATEWAY, RECORDER
@@ -69,6 +70,8 @@ class Episode:
         wall clock time, which identifies the episode.
     epoch_nanos
         epoch of the run that is continued; None: a new epoch.
+    in_loaded_world
+        whether the world was loaded into the run.
 
     Attributes
     ----------
@@ -87,7 +90,9 @@ class Episode:
         required: Sequence[str],
         wall_nanos: int,
         epoch_nanos: int | None = None,
+        in_loaded_world: bool = False,
     ) -> None:
+        self._in_loaded_world = in_loaded_world
         self._run, self.publish, self._required = run, publish, required
         self._at_start = self.scenario = scenario
         self.world_hash = world_hash(scenario)
@@ -298,6 +303,7 @@ class Episode:
             entries=tuple(self._entries[left_out:]),
             left_out=left_out,
             acks=dict(self._acks),
+            in_loaded_world=True if self._in_loaded_world else UNSET,
         )
 
     def take_over(self, acks: Mapping[str, Ack]) -> None:

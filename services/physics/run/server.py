@@ -67,6 +67,8 @@ class PhysicsServer:
         scenario of the world that was loaded last: that of the start before the first.
     world_source
         where that world was loaded from.
+    is_in_loaded_world
+        whether any was loaded after the start.
     """
 
     def __init__(
@@ -75,6 +77,7 @@ class PhysicsServer:
         scenario, saved, self._followed = source
         self._started, self._run, self._required = scenario, run, required
         self.as_loaded = scenario
+        self.is_in_loaded_world = False
         self.world_source = WorldSource()
         self._awaited = frozenset(required)
         if scenario.time.lockstep == "ros":
@@ -222,6 +225,7 @@ class PhysicsServer:
             when the run repeats a saved one.
         """
         self._refuse_if_repeating()
+        self.is_in_loaded_world = True
         episode = self._new_episode(scenario, self._publishers)
         self.as_loaded, self.world_source = scenario, source
         self.control.pause()
@@ -310,6 +314,7 @@ class PhysicsServer:
             )
 
     def _start_to_restore(self, saved: Journal, scenario: Scenario) -> None:
+        self.is_in_loaded_world |= bool(saved.in_loaded_world)
         episode = self._new_episode(scenario, silent_publishers(), saved.epoch_nanos)
         episode.begin(time.time_ns(), time.monotonic())
         self._restoration = Restoration(saved, episode)
@@ -384,6 +389,7 @@ class PhysicsServer:
             required=self._required,
             wall_nanos=time.time_ns(),
             epoch_nanos=epoch_nanos,
+            in_loaded_world=self.is_in_loaded_world,
         )
 
     def close(self) -> None:

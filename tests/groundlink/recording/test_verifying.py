@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS, Schedule
@@ -34,6 +35,7 @@ from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.streams import faults_topic, missing_readings_topic
 from groundlink.scenario import Scenario
 from groundlink.scenario.faults import Bias, Drop, Fault, Stuck
+from groundlink.scene.loaded_world import with_world
 from services.sensors.encoders.spec import Encoders
 
 EPOCH = 1_000 * NANOS
@@ -341,6 +343,20 @@ def test_accumulating_topics_of_a_late_recording_may_differ(
     tour = replace(tour, time=replace(tour.time, mode=mode))
     with record(tmp_path / "a.mcap", tour, [], begin_s=2.0) as recording:
         assert missing.accumulating_topics(recording).keys() == expected
+
+
+def test_a_run_in_a_loaded_world_is_repeated_in_it(tmp_path: Path, lab: Scenario) -> None:
+    yard = with_world(lab, load("yard"))
+    for loaded in (True, False):
+        known = replace(journal(yard, 9.95), in_loaded_world=True if loaded else UNSET)
+        path = tmp_path / f"{loaded}.mcap"
+        with record(path, yard, [], known=known) as recording:
+            again = verifying.in_recorded_world(recording, lab)
+            assert again == (yard if loaded else lab)
+            extent = verifying.compared_span(recording)
+            lines = [*verifying.caveats(recording, again, extent)]
+        told = any("world `yard` was loaded during the run" in line for line in lines)
+        assert (told, any("world hash differs" in line for line in lines)) == (loaded, not loaded)
 
 
 def test_late_recording_states_its_begin(tmp_path: Path, lab: Scenario) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 import pytest
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from groundlink.bus.inbox import BusInbox
@@ -239,6 +240,7 @@ def test_a_loaded_world_is_what_a_run_is_reset_to_and_restored_in() -> None:
     physics.step()
     saved = physics.episode.journal()
     assert saved.scenario.world.name == "yard"
+    assert (saved.in_loaded_world, before.in_loaded_world) == (True, UNSET)
     physics.ask("reset", scopes=["time", "state", "spawned"])
     assert (physics.episode.world_hash, physics.entities()) == (yard, in_yard)
     physics.ask("load_world", uri="indoor_lab")
