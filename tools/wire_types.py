@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
+from udp_bridge.node.topic_qos import STATIC_TRANSFORMS_TOPIC, TopicQos, publisher_qos
 from udp_bridge.wire.types import (
     ANY_ROS_TYPE,
     MSG_TYPES,
@@ -22,6 +23,7 @@ from udp_bridge.wire.types import (
 ROOT = Path(__file__).resolve().parents[1]
 ROWS = tuple(MSG_TYPES.values())
 CSHARP = "udp-bridge/csharp/Runtime/UdpBridge"
+CPP_NODE = "ros/udp_bridge_cpp/include/udp_bridge_cpp/message_types.hpp"
 NOT_IN_CSHARP = ("Resend", "Repair")
 """Types that the C# library does not take."""
 
@@ -88,6 +90,24 @@ def _cpp_switch(name: str, numbers: Iterable[int]) -> str:
     )
 
 
+def _cpp_node() -> str:
+    return "".join(
+        f'    {{{row.number}, "{row.name}", "{row.ros_type}", "{row.default_topic}",\n'
+        f"     {_cpp_qos(publisher_qos(row.name, row.default_topic))}}},\n"
+        for row in ROWS
+        if row.ros_type is not None
+    )
+
+
+def _cpp_qos(qos: TopicQos) -> str:
+    numbers = f"{qos.depth}, {qos.waiting}, {qos.waiting_bytes}"
+    return f"{{{numbers}, {str(qos.is_latched).lower()}, {str(qos.is_repeated).lower()}}}"
+
+
+def _cpp_static_transforms() -> str:
+    return f"    {_cpp_qos(publisher_qos('TFMessage', STATIC_TRANSFORMS_TOPIC))[1:-1]}\n"
+
+
 def _scenario() -> str:
     names = sorted({*NUMBER_OF_ROS_TYPE} - {"rosgraph_msgs/msg/Clock"})
     return "".join(f'    "{name.replace("/msg/", "/")}",\n' for name in names)
@@ -118,6 +138,15 @@ BLOCKS = (
         "// Generated from wire/types.py by `python -m tools.wire_types`.\n",
         "// End of the generated part.\n",
         _cpp,
+    ),
+    Block(
+        CPP_NODE, "inline constexpr MessageType kMessageTypes[] = {\n", "};\n", _cpp_node
+    ),
+    Block(
+        CPP_NODE,
+        "inline constexpr TopicQos kStaticTransforms = {\n",
+        "};\n",
+        _cpp_static_transforms,
     ),
     Block("groundlink/scenario/ros_side.py", "RosType = Literal[\n", "]\n", _scenario),
 )

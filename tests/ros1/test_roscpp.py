@@ -23,7 +23,8 @@ from .conftest import ROOT, Ros1
 pytestmark = pytest.mark.system
 
 SOURCE = ROOT / "ros/ros1/udp_bridge_roscpp/src/node.cpp"
-STRICT = ("-std=c++17", "-O0", "-Wall", "-Wextra", "-Werror", f"-I{HEADER}")
+CORE = ROOT / "ros/udp_bridge_cpp/include"
+STRICT = ("-std=c++17", "-O0", "-Wall", "-Wextra", "-Werror", f"-I{HEADER}", f"-I{CORE}")
 VECTORS = ("imu", "laser-scan", "odometry", "cloud-shuffled")
 
 

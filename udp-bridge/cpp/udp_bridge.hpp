@@ -3,7 +3,8 @@
 // UDP Bridge, version 1, for C++17: datagrams in, whole messages out, and the way back.
 //
 // The rules are those of ../PROTOCOL.md, sections 1 to 8; repair (types 65 and 66) and sealed
-// datagrams (type 68) are refused and counted, as PROTOCOL.md allows.
+// datagrams (type 68) are refused and counted, as PROTOCOL.md allows. (The nodes of
+// ros/udp_bridge_cpp send and answer Requests for lost parts, type 65.)
 // Bytes and time are arguments: nothing here opens a socket, reads a clock or starts a thread, so
 // that it serves a node, a microcontroller and a fuzzer alike. Needs the standard library alone.
 // It validates no addresses (section 11): beyond the own host, give it datagrams of known peers alone.
@@ -284,6 +285,14 @@ struct Header {
 struct Message {
   Header header;  ///< of its part 0, whichever part came last
   std::vector<std::uint8_t> body;
+  std::uint64_t count = 0;  ///< which count of its topic it belongs to; for `Receiver::settle`
+};
+
+/// What became of a message that was handed over.
+enum class Outcome {
+  published,
+  dropped,   ///< the user cannot take it
+  deferred,  ///< not known yet: the user calls `Receiver::settle` when it is
 };
 
 /// Type 67: a message of the ROS type that the body names, PROTOCOL.md, section 4.1.
@@ -531,9 +540,10 @@ struct Arrivals {
   static constexpr std::int64_t kAgesNanos = 10 * kNanos;
 
   DeliveryLog log;
-  std::uint64_t body_bytes = 0;
+  std::uint64_t body_bytes = 0, repaired = 0;
   std::int64_t first_seen_stamp = 0, first_stamp = 0, last_stamp = 0, since = 0;
   bool has_since = false;  // the first report gives it
+  std::uint64_t id = 0;    // of this count, among all of the receiver
   std::deque<std::pair<std::int64_t, std::int64_t>> published;  // when, and the stamp
 
   void seen(const Header& header) {
@@ -572,6 +582,7 @@ struct Arrivals {
     report.incomplete = log.incomplete;
     report.late = log.late;
     report.pending = log.pending();
+    report.repaired = repaired;
     report.duplicates = duplicates;
     report.body_bytes = body_bytes;
     report.first_seen_stamp_nanos = first_seen_stamp;
@@ -613,7 +624,7 @@ class Receiver {
   /// `hand_over(Message&&)` is called for each message that is whole now, `reply(data, size)` for a
   /// Credit that is due to the sender. `now_nanos` is of any clock that never goes back. Where
   /// `hand_over` returns bool, false means that the user can't take the message: it is reported as
-  /// dropped instead of published.
+  /// dropped instead of published. Where it returns an Outcome, that is reported.
   template <class HandOver, class Reply>
   void take(const std::uint8_t* data, std::size_t size, SenderId from, std::int64_t now_nanos,
             HandOver&& hand_over, Reply&& reply) {
@@ -625,6 +636,41 @@ class Receiver {
                        reply);
     }
     if (refusal != Refusal::none) ++counters.refused[static_cast<std::size_t>(refusal)];
+  }
+
+  /// Report what became of a message whose Outcome was deferred, whenever and once that is known.
+  ///
+  /// `header` and `count` are the message's, `size` is that of its body.
+  void settle(SenderId from, const Header& header, std::uint64_t count, std::size_t size,
+              bool is_published, std::int64_t now_nanos) {
+    const auto peer = peers_.find(from);
+    if (peer == peers_.end()) return;
+    const auto topic = peer->second.topics.find({header.msg_type, header.topic});
+    if (topic == peer->second.topics.end() || topic->second.arrivals.id != count) return;
+    topic->second.arrivals.handed(header.seq_number, header.stamp_nanos(), size, is_published,
+                                  now_nanos);
+  }
+
+  /// From now on hand over messages of a topic also behind newer ones: its sender offers to resend
+  /// (PROTOCOL.md, section 9.2), and the user sends the Requests. The user also judges restarts.
+  void offer(SenderId from, std::uint8_t msg_type, const std::string& topic,
+             std::int64_t now_nanos) {
+    topic_of(peer_of(from, now_nanos), {msg_type, topic}).is_offered = true;
+  }
+
+  /// Note that a message of an offered topic was requested: it counts as repaired.
+  void requested(SenderId from, std::uint8_t msg_type, const std::string& topic,
+                 std::uint32_t number, std::int64_t now_nanos) {
+    std::set<std::uint32_t>& numbers =
+        topic_of(peer_of(from, now_nanos), {msg_type, topic}).requested;
+    numbers.insert(number);
+    if (numbers.size() > kMostRequested) numbers.erase(numbers.begin());
+  }
+
+  /// Begin an offered topic anew: its sender was restarted.
+  void restart(SenderId from, std::uint8_t msg_type, const std::string& topic,
+               std::int64_t now_nanos) {
+    forget(topic_of(peer_of(from, now_nanos), {msg_type, topic}), kNever);
   }
 
   /// Tell the senders that were heard within the last 5 s what became of their messages: one
@@ -646,6 +692,19 @@ class Receiver {
           send(to, data, size);
         });
       }
+    }
+  }
+
+  /// Send a LinkReport, whose body the user packs, to the senders that `report` reports to.
+  template <class Body, class Send>
+  void report_link(std::int64_t now_nanos, std::int64_t wall_nanos, const Body& body, Send&& send) {
+    for (auto& [from, peer] : peers_) {
+      if (now_nanos - peer.heard_nanos > kReportedNanos) continue;
+      Header header = control_header(peer, wall_nanos, "");
+      std::vector<std::uint8_t> datagram(header.size());
+      header.pack(datagram.data());
+      datagram.insert(datagram.end(), body.begin(), body.end());
+      send(from, datagram.data(), datagram.size());
     }
   }
 
@@ -681,6 +740,7 @@ class Receiver {
   };
   static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
   static constexpr std::uint8_t kAddressChallenge = 8, kAddressResponse = 9;  // kinds of Control
+  static constexpr std::size_t kOpenOffered = 16, kMostRequested = 64;
   static constexpr std::int64_t kReportedNanos = 5 * kNanos;  // behind a sender's last datagram
 
   struct Topic;
@@ -709,18 +769,21 @@ class Receiver {
     std::uint64_t heard = 0, duplicates = 0;
     std::string link;  // the one last seen
     detail::Arrivals arrivals;
+    bool is_offered = false;            // its sender resends what is requested
+    std::set<std::uint32_t> requested;  // messages of an offered topic
     bool has_suspect = false;
     std::uint32_t suspect_seq = 0;  // the last number that jumped, or was of a stale message
 
     /// Whether a number is too far from the last one to be believed alone (RFC 3550, A.1).
     bool is_jump(const Key& key) const {
       const std::int32_t ahead = ahead_by(key.seq_number);
-      return ahead >= 3000 || (ahead < -100 && key.stamp_nanos <= last_stamp);
+      return ahead >= 3000 || (!is_offered && ahead < -100 && key.stamp_nanos <= last_stamp);
     }
     /// Whether a message is older than the newest one, where stamps order a topic.
     bool is_stale(std::uint8_t msg_type, const Key& key) const {
       const std::int64_t older_by = last_stamp - key.stamp_nanos;
-      return has_handed && is_stamp_ordered(msg_type) && older_by > 0 && older_by <= 2 * kNanos;
+      return has_handed && !is_offered && is_stamp_ordered(msg_type) && older_by > 0 &&
+             older_by <= 2 * kNanos;
     }
     bool is_second(std::uint32_t seq) const { return has_suspect && seq == suspect_seq + 1; }
     /// Remember a number that is not believed; return whether it is another than before.
@@ -743,8 +806,8 @@ class Receiver {
       return has_handed ? static_cast<std::int32_t>(seq - last_seq) : 1;
     }
     bool is_restart_by_silence(const Header& h, std::int64_t now_nanos) const {
-      return has_handed && h.seq_number < 256 && now_nanos - last_handed_nanos >= kNanos &&
-             ahead_by(h.seq_number) <= 0;
+      return has_handed && !is_offered && h.seq_number < 256 &&
+             now_nanos - last_handed_nanos >= kNanos && ahead_by(h.seq_number) <= 0;
     }
   };
   using TopicName = std::pair<std::uint8_t, std::string>;
@@ -851,7 +914,8 @@ class Receiver {
 
   std::list<Open>::iterator begin(Peer& peer, Topic& topic, const Key& key, const Header& h,
                                   std::int64_t now_nanos) {
-    while (topic.open.size() >= limits_.open_per_topic) {
+    const std::size_t most = topic.is_offered ? kOpenOffered : limits_.open_per_topic;
+    while (topic.open.size() >= most) {
       give_up(topic.open.front());
     }
     Open& open = topic.open.emplace_back();
@@ -907,6 +971,11 @@ class Receiver {
               HandOver&& hand_over) {
     topic.finish(key);
     const std::int32_t ahead = topic.ahead_by(key.seq_number);
+    topic.arrivals.repaired += topic.requested.erase(key.seq_number);
+    if (ahead <= 0 && topic.is_offered) {
+      if (counters.missing) --counters.missing;
+      return pass(topic, key, std::move(message), now_nanos, hand_over);
+    }
     const bool is_stale = ahead > 0 && topic.is_stale(message.header.msg_type, key) &&
                           !topic.is_second(key.seq_number);
     if (is_stale) topic.suspect(key.seq_number);
@@ -927,15 +996,33 @@ class Receiver {
     topic.last_stamp = key.stamp_nanos;
     topic.last_handed_nanos = now_nanos;
     topic.has_suspect = false;
+    pass(topic, key, std::move(message), now_nanos, hand_over);
+  }
+
+  /// Hand a message over, and count what becomes of it.
+  template <class HandOver>
+  void pass(Topic& topic, const Key& key, Message&& message, std::int64_t now_nanos,
+            HandOver&& hand_over) {
     ++counters.messages;
     const std::size_t size = message.body.size();
-    bool is_taken = true;
-    if constexpr (std::is_same_v<std::invoke_result_t<HandOver&, Message&&>, bool>) {
-      is_taken = hand_over(std::move(message));
+    message.count = topic.arrivals.id;
+    const Outcome outcome = outcome_of(hand_over, std::move(message));
+    if (outcome == Outcome::deferred) return;
+    topic.arrivals.handed(key.seq_number, key.stamp_nanos, size, outcome == Outcome::published,
+                          now_nanos);
+  }
+
+  template <class HandOver>
+  static Outcome outcome_of(HandOver&& hand_over, Message&& message) {
+    using Result = std::invoke_result_t<HandOver&, Message&&>;
+    if constexpr (std::is_same_v<Result, Outcome>) {
+      return hand_over(std::move(message));
+    } else if constexpr (std::is_same_v<Result, bool>) {
+      return hand_over(std::move(message)) ? Outcome::published : Outcome::dropped;
     } else {
       hand_over(std::move(message));
+      return Outcome::published;
     }
-    topic.arrivals.handed(key.seq_number, key.stamp_nanos, size, is_taken, now_nanos);
   }
 
   /// Begin a topic anew, as for a sender never heard of; open messages older than a stamp go.
@@ -947,7 +1034,9 @@ class Receiver {
     }
     topic.has_handed = topic.has_suspect = false;
     topic.finished.clear();
+    topic.requested.clear();
     topic.arrivals = {};
+    topic.arrivals.id = ++counts_;
   }
 
   void announce(Open& open) {
@@ -1021,6 +1110,7 @@ class Receiver {
     }
     const auto [at, is_new] = peer.topics.try_emplace(name);
     topics_ += is_new;
+    if (is_new) at->second.arrivals.id = ++counts_;
     at->second.heard = ++heard_;
     return at->second;
   }
@@ -1100,7 +1190,7 @@ class Receiver {
   std::list<Open*> oldest_;  // open messages of all senders, oldest first
   std::set<SenderId> challengers_;
   std::size_t memory_bytes_ = 0, topics_ = 0;
-  std::uint64_t heard_ = 0;
+  std::uint64_t heard_ = 0, counts_ = 0;
   Header scratch_;
 };
 
@@ -1147,6 +1237,11 @@ class Sender {
       if (size <= (datagram - header_size) * 255) return datagram - header_size;
     }
     return size <= most * 255 ? most : 0;
+  }
+
+  /// The number of messages sent, modulo 2^32, by msg_type and topic.
+  const std::map<std::pair<std::uint8_t, std::string>, std::uint32_t>& counts() const {
+    return numbers_;
   }
 
  private:

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Queues between threads, and the signal that wakes a thread which has several of them.
+
+#ifndef UDP_BRIDGE_CPP_BOUNDED_QUEUE_HPP
+#define UDP_BRIDGE_CPP_BOUNDED_QUEUE_HPP
+
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <utility>
+
+namespace udp_bridge_cpp {
+
+/// Wakes one waiting thread; remembers a call that came before the wait.
+class Signal {
+ public:
+  void notify() {
+    {
+      const std::lock_guard lock(mutex_);
+      is_set_ = true;
+    }
+    condition_.notify_one();
+  }
+
+  /// Wait for `notify`, at most so long.
+  void wait(std::chrono::nanoseconds most) {
+    std::unique_lock lock(mutex_);
+    condition_.wait_for(lock, most, [&] { return is_set_; });
+    is_set_ = false;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable condition_;
+  bool is_set_ = false;
+};
+
+/// A first-in first-out queue with a bound. What does not fit is dropped and counted.
+template <class T>
+class BoundedQueue {
+ public:
+  /// `wake` is called behind each `push` that may have found the reader asleep.
+  BoundedQueue(std::size_t capacity, std::function<void()> wake)
+      : capacity_(capacity), wake_(std::move(wake)) {}
+
+  /// Append an element; return false where the queue is full.
+  bool push(T&& element) {
+    bool was_empty = false;
+    {
+      const std::lock_guard lock(mutex_);
+      if (elements_.size() >= capacity_) {
+        ++dropped_;
+        return false;
+      }
+      was_empty = elements_.empty();
+      elements_.push_back(std::move(element));
+    }
+    if (was_empty) wake_();
+    return true;
+  }
+
+  /// Return all elements; the reader takes them at once, so one lock serves many.
+  std::deque<T> take_all() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(elements_, {});
+  }
+
+  std::uint64_t dropped() const {
+    const std::lock_guard lock(mutex_);
+    return dropped_;
+  }
+
+ private:
+  const std::size_t capacity_;
+  const std::function<void()> wake_;
+  mutable std::mutex mutex_;
+  std::deque<T> elements_;
+  std::uint64_t dropped_ = 0;
+};
+
+}  // namespace udp_bridge_cpp
+
+#endif  // UDP_BRIDGE_CPP_BOUNDED_QUEUE_HPP
