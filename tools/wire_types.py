@@ -139,9 +139,7 @@ BLOCKS = (
         "// End of the generated part.\n",
         _cpp,
     ),
-    Block(
-        CPP_NODE, "inline constexpr MessageType kMessageTypes[] = {\n", "};\n", _cpp_node
-    ),
+    Block(CPP_NODE, "inline constexpr MessageType kMessageTypes[] = {\n", "};\n", _cpp_node),
     Block(
         CPP_NODE,
         "inline constexpr TopicQos kStaticTransforms = {\n",

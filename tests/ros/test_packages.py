@@ -37,7 +37,7 @@ def found_below(folder: Path) -> set[str]:
 
 
 def test_a_workspace_finds_the_packages_of_its_ros_and_no_others() -> None:
-    assert found_below(ROS) == {"groundlink_msgs", "ros2/udp_bridge_ros2"}
+    assert found_below(ROS) == {"groundlink_msgs", "ros2/udp_bridge_ros2", "udp_bridge_cpp"}
     linked = [folder for folder in (ROS / "ros1").iterdir() if (folder / "package.xml").exists()]
     assert {str(folder.relative_to(ROS)) for folder in linked} == set().union(
         *(found_below(folder) for folder in linked)

@@ -17,6 +17,7 @@ from tests.udp_bridge.cpp.test_cpp import HEADER, compiler
 from tests.udp_bridge.vectors import load
 from udp_bridge import MSG_TYPES, Header, Reassembler, parse
 from udp_bridge.wire.control import CreditRequest, TopicReport
+from udp_bridge.wire.typed import pack_typed
 
 from .conftest import ROOT, Ros1
 
@@ -25,8 +26,14 @@ pytestmark = pytest.mark.system
 SOURCE = ROOT / "ros/ros1/udp_bridge_roscpp/src/node.cpp"
 CORE = ROOT / "ros/udp_bridge_cpp/include"
 STRICT = ("-std=c++17", "-O0", "-Wall", "-Wextra", "-Werror", f"-I{HEADER}", f"-I{CORE}")
-VECTORS = ("imu", "laser-scan", "odometry", "cloud-shuffled")
-
+VECTORS = (
+    *("imu", "laser-scan", "odometry", "cloud-shuffled", "compressed-image", "nav-sat-fix"),
+    *("encoders", "range", "clock-shortest-header", "twist", "pose", "map", "image"),
+    *("camera-info", "transforms", "joint-state", "twist-stamped", "text", "path"),
+)
+"""A vector of each type with a number."""
+COLOR = "std_msgs/msg/ColorRGBA"
+PATH = "{header: {frame_id: map}, poses: [{header: {frame_id: ab}, pose: {position: {x: 2.0}}}]}"
 
 MOST_PUBLISHERS, MAX_SUBSCRIPTIONS = 256, 64
 
@@ -50,10 +57,16 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_node_in_cpp_publishes_the_same_bytes_and_sends_twists(ros1: Ros1, program: Path) -> None:
     vectors = {name: load(name) for name in VECTORS}
     meant = {name: vector.meaning["messages"][0] for name, vector in vectors.items()}
+    renamed = {"twist": "/twist", "twist-stamped": "/twist_stamped"}  # /cmd_vel comes from ROS
+    wire_topics = {name: renamed.get(name, message["topic"]) for name, message in meant.items()}
+    topics = {
+        name: topic or MSG_TYPES[meant[name]["msg_type"]].default_topic
+        for name, topic in wire_topics.items()
+    }
     numbers = itertools.count()
     ears = ros1.start(
         str(Path(__file__).with_name("bytes_listener.py")),
-        *(message["topic"] for message in meant.values()),
+        *(*topics.values(), "/color", "/plan_back"),
     )
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ours:
         ours.bind(("127.0.0.1", 0))
@@ -72,37 +85,66 @@ def test_a_node_in_cpp_publishes_the_same_bytes_and_sends_twists(ros1: Ros1, pro
                 wanted = bytes(to_ros1(kind, whole.body)).hex()[8:]  # without header.seq
 
                 # A message is lost where the subscriber isn't connected yet, so it is repeated.
-                def arrives(topic: str = whole.topic, wanted: str = wanted) -> bool:
+                def arrives(
+                    sent: str = wire_topics[name], topic: str = topics[name], wanted: str = wanted
+                ) -> bool:
                     number = next(numbers)
                     for datagram in vector.datagrams:  # noqa: B023
                         header, at = parse(datagram)
-                        again = header._replace(seq_number=number).pack() + datagram[at:]
+                        again = (
+                            header._replace(seq_number=number, topic=sent).pack() + datagram[at:]
+                        )
                         ours.sendto(again, address)
                     return wanted in [text[8:] for _, text in ears.messages(topic)]
 
                 wait_for(arrives, 20, name)
+            color = b"\0\1\0\0" + struct.pack("<4f", 1, 2, 3, 4)
+            for ros_type, cdr in ((COLOR, color), ("no_such_msgs/msg/Thing", color)):
+                body = pack_typed(ros_type, cdr)
+                ours.sendto(Header(67, 0, 0, 1, 0, 0, "/color").pack() + body, address)
+
+            def color_arrives() -> bool:
+                body = pack_typed(COLOR, color)
+                ours.sendto(Header(67, next(numbers), 0, 1, 9, 0, "/color").pack() + body, address)
+                return color[4:].hex() in [text for _, text in ears.messages("/color")]
+
+            wait_for(color_arrives, 20, COLOR)
+            pub = ("/usr/bin/rostopic", "pub", "-r", "10", "/plan_back", "nav_msgs/Path", PATH)
+            ros1.start(*pub)
+            plan = Header(7, 0, 0, 1, 0, 0, "/plan_back").pack() + struct.pack(
+                "<BBHf", 40, 1, 60, 0
+            )
+            ours.sendto(plan, address)
             driver = ros1.start(str(Path(__file__).with_name("driver.py")))
             request = Header(7, 0, 0, 1, 0, 0, "/cmd_vel").pack() + struct.pack("<BBHf", 9, 1, 5, 0)
             ours.sendto(request, address)
             ours.settimeout(20)
-            reports, twist = {}, b""
-            while not twist or len(reports) < len(meant):
+            reports, twist, path = {}, b"", b""
+            while not twist or not path or len(reports) < len(meant):
                 datagram = ours.recv(65536)
                 header, at = parse(datagram)
                 if header.msg_type == 9:
                     twist = datagram
+                elif header.msg_type == 40:
+                    path = datagram
                 elif datagram[at] == 1:
                     report = TopicReport.parse(datagram[at:])
-                    reports[header.topic] = report.published, report.dropped, report.pending
-            for message in meant.values():  # each was repeated until a subscriber had it
-                assert reports[message["topic"]][0] >= 1
-                assert reports[message["topic"]][1:] == (0, 0)
+                    if header.topic in wire_topics.values() and report.msg_type != 7:
+                        reports[header.topic] = report.published, report.dropped, report.pending
+            header, at = parse(path)
+            assert header.link == "map"
+            heard = [text[8:] for _, text in ears.messages("/plan_back")]  # without header.seq
+            assert bytes(to_ros1("nav_msgs/msg/Path", path[at:])).hex()[8:] in heard
+            for topic in wire_topics.values():  # each was repeated until a subscriber had it
+                assert reports[topic][0] >= 1
+                assert reports[topic][1:] == (0, 0)
             header, at = parse(twist)
             assert header.topic == "/cmd_vel"
             assert twist[at:] == b"\0\1\0\0" + struct.pack("<6d", 0.5, 0, 0, 0, 0, 0)
             assert driver.end() is not None
             assert node.end(signal.SIGINT) == 0
-            assert "dropped 0, refused 0" in node.output
+            assert "dropped 1, refused 0" in node.output  # no_such_msgs
+            assert node.output.count("no_such_msgs/msg/Thing can't be published") == 1
         finally:
             node.end()
 

@@ -658,6 +658,15 @@ class Receiver {
     topic_of(peer_of(from, now_nanos), {msg_type, topic}).is_offered = true;
   }
 
+  /// Whether the message that a header names, of a given type, was handed over, late or given up.
+  bool is_finished(SenderId from, std::uint8_t msg_type, const Header& header) const {
+    const auto peer = peers_.find(from);
+    if (peer == peers_.end()) return false;
+    const auto topic = peer->second.topics.find({msg_type, header.topic});
+    return topic != peer->second.topics.end() &&
+           topic->second.is_finished({header.seq_number, header.stamp_nanos()});
+  }
+
   /// Note that a message of an offered topic was requested: it counts as repaired.
   void requested(SenderId from, std::uint8_t msg_type, const std::string& topic,
                  std::uint32_t number, std::int64_t now_nanos) {
@@ -777,13 +786,14 @@ class Receiver {
     /// Whether a number is too far from the last one to be believed alone (RFC 3550, A.1).
     bool is_jump(const Key& key) const {
       const std::int32_t ahead = ahead_by(key.seq_number);
-      return ahead >= 3000 || (!is_offered && ahead < -100 && key.stamp_nanos <= last_stamp);
+      if (is_offered) return ahead >= 3000;
+      return ahead >= 3000 || (ahead < -100 && key.stamp_nanos <= last_stamp);
     }
     /// Whether a message is older than the newest one, where stamps order a topic.
     bool is_stale(std::uint8_t msg_type, const Key& key) const {
       const std::int64_t older_by = last_stamp - key.stamp_nanos;
-      return has_handed && !is_offered && is_stamp_ordered(msg_type) && older_by > 0 &&
-             older_by <= 2 * kNanos;
+      if (is_offered) return false;
+      return has_handed && is_stamp_ordered(msg_type) && older_by > 0 && older_by <= 2 * kNanos;
     }
     bool is_second(std::uint32_t seq) const { return has_suspect && seq == suspect_seq + 1; }
     /// Remember a number that is not believed; return whether it is another than before.

@@ -41,11 +41,19 @@ class Signal {
   bool is_set_ = false;
 };
 
+/// The cost of an element where all cost the same.
+struct One {
+  template <class T>
+  std::size_t operator()(const T&) const {
+    return 1;
+  }
+};
+
 /// A first-in first-out queue with a bound. What does not fit is dropped and counted.
-template <class T>
+template <class T, class Cost = One>
 class BoundedQueue {
  public:
-  /// `wake` is called behind each `push` that may have found the reader asleep.
+  /// All elements together cost `capacity` at most. `wake` is called behind each `push` that may have found the reader asleep.
   BoundedQueue(std::size_t capacity, std::function<void()> wake)
       : capacity_(capacity), wake_(std::move(wake)) {}
 
@@ -54,10 +62,12 @@ class BoundedQueue {
     bool was_empty = false;
     {
       const std::lock_guard lock(mutex_);
-      if (elements_.size() >= capacity_) {
+      const std::size_t cost = Cost{}(element);
+      if (cost_ + cost > capacity_) {
         ++dropped_;
         return false;
       }
+      cost_ += cost;
       was_empty = elements_.empty();
       elements_.push_back(std::move(element));
     }
@@ -68,6 +78,7 @@ class BoundedQueue {
   /// Return all elements; the reader takes them at once, so one lock serves many.
   std::deque<T> take_all() {
     const std::lock_guard lock(mutex_);
+    cost_ = 0;
     return std::exchange(elements_, {});
   }
 
@@ -81,6 +92,7 @@ class BoundedQueue {
   const std::function<void()> wake_;
   mutable std::mutex mutex_;
   std::deque<T> elements_;
+  std::size_t cost_ = 0;
   std::uint64_t dropped_ = 0;
 };
 

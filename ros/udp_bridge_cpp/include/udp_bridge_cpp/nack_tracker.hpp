@@ -69,14 +69,17 @@ class NackTracker {
     bool is_repaired = false;  ///< its message was requested, and this part completes it
   };
 
-  /// Take an Offer: all parts of the message that the header names were sent.
-  Arrival on_offer(const udp_bridge::Header& header, const Offer& offer, std::int64_t now_nanos) {
+  /// Take an Offer: all parts of the message that the header names were sent. It may have been
+  /// received before the first Offer of the topic.
+  Arrival on_offer(const udp_bridge::Header& header, const Offer& offer, bool is_received,
+                   std::int64_t now_nanos) {
     limit_nanos_ = std::int64_t{offer.limit_ms} * 1000000;
     const Arrival arrival{restarts(header), false};
     if (arrival.is_restart) reset();
     const bool is_new = advance(header, now_nanos);
     const auto found = entries_.find(header.seq_number);
     if (found == entries_.end()) {
+      if (is_received && !is_finished(header)) finish(header);
       if (is_new && !is_finished(header)) {
         entries_.emplace(header.seq_number, Entry(now_nanos)).first->second.due_nanos = now_nanos;
       }

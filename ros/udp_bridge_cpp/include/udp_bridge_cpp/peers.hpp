@@ -26,7 +26,7 @@ class Peers {
   /// Peers at most; the one that was used least recently is forgotten.
   static constexpr std::size_t kMost = 64;
 
-  Peers(BoundedQueue<Datagram>& output, std::size_t datagram)
+  Peers(DatagramQueue& output, std::size_t datagram)
       : output_(output), datagram_(datagram) {}
 
   /// Return the sender to a peer.
@@ -79,7 +79,7 @@ class Peers {
     std::uint64_t used = 0;
   };
 
-  BoundedQueue<Datagram>& output_;
+  DatagramQueue& output_;
   const std::size_t datagram_;
   std::map<Address, Peer> peers_;
   std::uint64_t uses_ = 0;

@@ -81,7 +81,7 @@ class PublishQueue {
   /// Have the publisher of a message's topic created; return whether it is new.
   bool prepare(const udp_bridge::Message& message, const Address& sender) {
     const std::lock_guard lock(mutex_);
-    const std::shared_ptr<PublishChannel> channel = find_or_create(message, sender).first;
+    const std::shared_ptr<PublishChannel> channel = find_or_create(message).first;
     if (!channel || channel->is_prepared || !channel->refused_as.empty()) return false;
     channel->is_prepared = true;
     push([this, channel, header = message.header, sender] { advertise(*channel, header, sender); });
@@ -165,7 +165,7 @@ class PublishQueue {
 
   /// Return the channel of a message; nullptr where it was refused and counted.
   std::shared_ptr<PublishChannel> channel_of(const Received& received) {
-    auto [channel, offset] = find_or_create(received.message, received.sender);
+    auto [channel, offset] = find_or_create(received.message);
     const Bytes& body = received.message.body;
     std::string reason = channel ? channel->refused_as : refused_as_;
     if (reason.empty() && (body.size() < offset + 2 || body[offset] != 0 || body[offset + 1] != 1)) {
@@ -179,7 +179,7 @@ class PublishQueue {
   /// Return the channel of a message, and where the CDR begins in its body; nullptr where there can
   /// be none, with the reason in `refused_as_`.
   std::pair<std::shared_ptr<PublishChannel>, std::size_t> find_or_create(
-      const udp_bridge::Message& message, const Address&) {
+      const udp_bridge::Message& message) {
     const MessageType& row = *message_type(message.header.msg_type);
     udp_bridge::Typed typed;
     if (row.number != udp_bridge::kTyped) {
@@ -213,6 +213,7 @@ class PublishQueue {
       channel->publisher.reset();
       ros_.info(channel->topic + ": no longer published: replaced by another topic");
     });
+    silent->second->refused_as = "no_slot";  // for messages that are still queued
     channels_.erase(silent);
     return true;
   }
@@ -264,6 +265,8 @@ class PublishQueue {
       channel.publisher = ros_.advertise(channel.ros_type, channel.topic, channel.row, channel.qos);
       ros_.info(channel.topic + ": " + channel.ros_type + " from " + sender.text() +
                 (header.link.empty() ? "" : ", frame " + header.link));
+      const std::lock_guard lock(mutex_);
+      channel.is_prepared = true;
       return;
     } catch (const TypeNotInstalled& error) {
       warn(channel, error);

@@ -74,7 +74,10 @@ class RepairRequests {
     if (is_new) receiver_.offer(sender.id(), offer.msg_type, header.topic, now_nanos);
     NackTracker& tracker = at->second.tracker;
     if (!tracker.believes(header.seq_number, NackTracker::kOffersApart)) return;
-    follow(key, tracker.on_offer(header, offer, now_nanos), header.seq_number, now_nanos);
+    const bool is_received =
+        is_new && receiver_.is_finished(sender.id(), offer.msg_type, header);
+    follow(key, tracker.on_offer(header, offer, is_received, now_nanos), header.seq_number,
+           now_nanos);
     request(key, tracker, now_nanos);
   }
 

@@ -34,6 +34,12 @@ struct Datagram {
   Address address;
 };
 
+/// The memory that a datagram takes in a queue.
+struct DatagramCost {
+  std::size_t operator()(const Datagram& datagram) const { return datagram.bytes.size() + 256; }
+};
+using DatagramQueue = BoundedQueue<Datagram, DatagramCost>;
+
 /// A file descriptor, closed at the end.
 class Descriptor {
  public:
@@ -52,8 +58,8 @@ class Descriptor {
 /// Owns the socket: pushes what arrives to the input queue, and sends what is in the output queue.
 class SocketThread {
  public:
-  /// Datagrams in either queue.
-  static constexpr std::size_t kWaiting = 16384;
+  /// Bytes of the datagrams in either queue.
+  static constexpr std::size_t kWaiting = 64u << 20;
   static constexpr int kReceiveBuffer = 8 << 20;
 
   /// Bind, and begin. `wake` is called when datagrams are in the input queue. With a peer,
@@ -91,8 +97,8 @@ class SocketThread {
 
   const Address& address() const { return address_; }
   std::uint32_t receive_buffer() const { return receive_buffer_; }
-  BoundedQueue<Datagram>& input() { return input_; }
-  BoundedQueue<Datagram>& output() { return output_; }
+  DatagramQueue& input() { return input_; }
+  DatagramQueue& output() { return output_; }
   std::uint64_t strangers() const { return strangers_; }
   std::uint64_t datagrams() const { return datagrams_; }
   std::uint64_t bytes() const { return bytes_; }
@@ -176,7 +182,7 @@ class SocketThread {
   const std::optional<Address> peer_;
   Address address_;
   std::uint32_t receive_buffer_ = 0;
-  BoundedQueue<Datagram> input_, output_;
+  DatagramQueue input_, output_;
   std::array<std::uint8_t, 65536> buffer_{};
   std::atomic<bool> is_open_{true};
   std::atomic<std::uint64_t> strangers_{0}, datagrams_{0}, bytes_{0}, kernel_drops_{0};

@@ -238,8 +238,9 @@ class Node {
   GenericSubscription::SharedPtr create_generic_subscription(const std::string& topic,
                                                              const std::string& type,
                                                              const QoS& qos, Callback callback) {
+    auto subscription = std::make_shared<GenericSubscription>(topic, std::move(callback));
     Graph::of_process().say("subscribe " + topic + ' ' + type + ' ' + qos.text());
-    return std::make_shared<GenericSubscription>(topic, std::move(callback));
+    return subscription;
   }
   std::vector<TopicEndpointInfo> get_publishers_info_by_topic(const std::string& topic) const {
     const std::lock_guard lock(Graph::of_process().mutex);
