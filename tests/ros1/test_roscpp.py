@@ -118,8 +118,13 @@ def test_a_node_in_cpp_publishes_the_same_bytes_and_sends_twists(ros1: Ros1, pro
             request = Header(7, 0, 0, 1, 0, 0, "/cmd_vel").pack() + struct.pack("<BBHf", 9, 1, 5, 0)
             ours.sendto(request, address)
             ours.settimeout(20)
-            reports, twist, path = {}, b"", b""
-            while not twist or not path or len(reports) < len(meant):
+            reports: dict[str, tuple[int, int, int]] = {}
+            twist, path = b"", b""
+
+            def is_settled() -> bool:
+                return len(reports) == len(meant) and not any(row[2] for row in reports.values())
+
+            while not (twist and path and is_settled()):
                 datagram = ours.recv(65536)
                 header, at = parse(datagram)
                 if header.msg_type == 9:

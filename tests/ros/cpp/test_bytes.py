@@ -105,13 +105,13 @@ def sent_to(address: tuple[str, int], stamp_nanos: int) -> None:
 
 
 @contextmanager
-def python_node(ros: PlayedRos, **settings: str) -> Iterator[BridgeNode]:
+def python_node(ros: Any, **settings: str) -> Iterator[BridgeNode]:
     node = BridgeNode(
         Settings(bind="127.0.0.1:0", **settings),
         ros,
         ros,
         ros,
-        wake=lambda: None,  # type: ignore[arg-type]
+        wake=lambda: None,
     )
     try:
         yield node

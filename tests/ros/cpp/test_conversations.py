@@ -70,7 +70,10 @@ def test_what_is_lost_on_either_path_is_resent(thread_checked: Path, share: Path
                 request = Subscribe(11, lease_s=30).pack()
                 link.send(SUBSCRIBE, "/map", "", time.time_ns(), request)
                 time.sleep(0.01)
-            of_topic = lambda topic: {p.body for p in node.published if p.topic == topic}  # noqa: E731
+
+            def of_topic(topic: str) -> set[bytes]:
+                return {row.body for row in node.published if row.topic == topic}
+
             wait_until(lambda: len(of_topic("/imu")) == 60 and len(of_topic("/points")) == 20)
             for number in range(20):
                 body = numbered(number, 8)[:4] + struct.pack("<iII", 1, number, 1) + bytes(20_000)
