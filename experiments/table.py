@@ -2,13 +2,27 @@
 """Table of experiments for `python -m experiments`."""
 
 from .experiment import Experiment
-from .studies import guard, indoor_cameras, indoors, live, loss, outdoors, track, transfer
+from .studies import (
+    guard,
+    indoor_cameras,
+    indoors,
+    live,
+    live_odometry,
+    loss,
+    navigation,
+    outdoors,
+    track,
+    transfer,
+)
 
 EXPERIMENTS: dict[str, Experiment] = {
     "transfer": Experiment(transfer.transfer, minutes=3),
     "indoor_scans": Experiment(indoors.scans, minutes=3),
     "indoor_lidar": Experiment(indoors.clouds, minutes=5),
     "live": Experiment(live.slam, minutes=8),
+    "live_lidar": Experiment(live_odometry.lidar, minutes=5),
+    "live_camera": Experiment(live_odometry.camera, minutes=5),
+    "navigation": Experiment(navigation.tour, minutes=5),
     "indoor_mono": Experiment(indoor_cameras.mono, minutes=8),
     "indoor_rgbd": Experiment(indoor_cameras.rgbd, minutes=8),
     "outdoor_lidar": Experiment(outdoors.lidar, minutes=6),

@@ -3,6 +3,9 @@
 
     python kiss_icp_node.py [--ros-args -p points:=/points -p odometry:=/lidar_odometry]
 
+`-p lowest_m:=-1.0` leaves out points lower than that in the LiDAR's frame. A LiDAR with few rings
+sees flat ground as circles that move with the vehicle and hold the estimate back.
+
 The odometry has the frame `lidar_odom`, which is the LiDAR's frame at the first cloud. A pose holds
 at the end of its revolution, so that is its stamp.
 """
@@ -32,10 +35,12 @@ class KissIcpNode(Node):
         super().__init__("kiss_icp")
         self.declare_parameter("points", "/points")
         self.declare_parameter("odometry", "/lidar_odometry")
+        self.declare_parameter("lowest_m", -np.inf)
         config = load_config(None)
         config.data.min_range = 0.5
         config.data.deskew = True
         self._kiss_icp = KissICP(config=config)
+        self._lowest_m = self.get_parameter("lowest_m").value
         points, odometry = (self.get_parameter(name).value for name in ("points", "odometry"))
         self._publisher = self.create_publisher(Odometry, odometry, 10)
         self.create_subscription(PointCloud2, points, self._register, 10)
@@ -43,7 +48,8 @@ class KissIcpNode(Node):
 
     def _register(self, cloud: PointCloud2) -> None:
         xyz, seconds = points_and_times(cloud)
-        self._kiss_icp.register_frame(xyz, seconds)
+        kept = xyz[:, 2] > self._lowest_m
+        self._kiss_icp.register_frame(xyz[kept], seconds[kept])
         self._publisher.publish(odometry_of(self._kiss_icp.last_pose, cloud, seconds.max()))
 
 

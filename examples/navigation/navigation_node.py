@@ -57,11 +57,13 @@ class NavigationNode(Node):
         self._commands = self.create_publisher(Twist, "/cmd_vel", 10)
         self._poses = self.create_publisher(PoseStamped, "/pose", 10)
         self._plans = self.create_publisher(PathMessage, "/plan", 10)
+        self._transforms = self.create_publisher(TFMessage, "/tf", 10)
         self.create_subscription(TFMessage, "/tf_static", self._on_mounts, latched)
         self.create_subscription(Odometry, "/odom", self._on_odometry, 10)
         self.create_subscription(PoseStamped, "/goal_pose", self._on_goal, 10)
         self.create_subscription(LaserScan, "/scan", self._on_scan, 10)
-        self._transforms = self.create_publisher(TFMessage, "/tf", 10)
+        rows, columns = known.free.shape
+        self.get_logger().info(f"map of {columns} x {rows} cells; waiting for /goal_pose")
 
     def _on_mounts(self, message: TFMessage) -> None:
         for link in message.transforms:

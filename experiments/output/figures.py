@@ -13,12 +13,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 import yaml
 from matplotlib.axes import Axes
-from matplotlib.patches import Polygon
+from matplotlib.patches import Circle, Polygon
 from matplotlib.transforms import Affine2D
 from PIL import Image
 
 from experiments.estimation.checkpoints import CheckpointError
 from experiments.experiment import AlignedEstimate
+from groundlink.data.trajectory import Trajectory
 from groundlink.report.analysis.plan import outlines
 from groundlink.scenario import Scenario
 from groundlink.scene.build import solids
@@ -26,6 +27,7 @@ from groundlink.scene.build import solids
 COLORS = ("#c0392b", "#2471a3", "#d68910", "#7d3c98", "#1e8449")
 TRUTH = "#1b1b1b"
 TALL_M = 1.6
+BARREL_RADIUS_M = 0.29
 AROUND_M = 3.0
 """Of a world that is larger than the way, so much around it is shown."""
 
@@ -62,6 +64,29 @@ def trajectories(file: Path, scenario: Scenario, ways: Sequence[AlignedEstimate]
     axes.set_ylim(low[1], high[1])
     figure.legend(loc="outside upper center", ncols=5, frameon=False)
     figure.savefig(file, dpi=130)
+    plt.close(figure)
+
+
+def navigation(
+    file: Path,
+    scenario: Scenario,
+    paths: Sequence[Trajectory],
+    *,
+    goals_m: Sequence[tuple[float, float]],
+    barrels_m: Sequence[tuple[float, float]],
+) -> None:
+    """Draw the driven path of each leg over the world, with its goal and the barrel in its way."""
+    figure, axes = plt.subplots(figsize=(8, 5.6), layout="constrained")
+    plan(axes, scenario)
+    legs = zip(paths, goals_m, barrels_m, COLORS, strict=False)
+    for number, (path, goal, barrel, color) in enumerate(legs, 1):
+        axes.add_patch(Circle(barrel, BARREL_RADIUS_M, facecolor=color))
+        axes.annotate(str(number), barrel, color="white", ha="center", va="center")
+        axes.plot(*goal, color=color, marker="x", markersize=9, markeredgewidth=2)
+        axes.plot(*path.positions_m[:, :2].T, color=color, linewidth=1.6, label=f"leg {number}")
+    axes.autoscale_view()
+    figure.legend(loc="outside upper center", ncols=5, frameon=False)
+    figure.savefig(file, dpi=110)
     plt.close(figure)
 
 

@@ -14,9 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import groundlink
 from experiments.estimation.environments import is_installed
 from experiments.estimation.programs import EVO, KISS_ICP
 from experiments.experiment import OUT
+from experiments.studies.navigation import arrival, pose_errors, touched
 from tests.ros_domains import next_domain
 from tests.system.hosts import hosts
 
@@ -27,7 +29,7 @@ pytestmark = [pytest.mark.system, pytest.mark.timeout(200)]
 
 TUTORIALS = DOCS / "tutorials"
 
-CLONE = ("first-run", "your-own-sensor", "many-hosts")
+CLONE = ("first-run", "your-own-sensor", "many-hosts", "navigate")
 """Pages that begin in a clone; all others begin in an empty folder."""
 
 PROGRAMS = f"{OUT.resolve()}/environments/*/bin/{{kiss_icp_pipeline,evo_ape}}"
@@ -114,9 +116,24 @@ def repaired_scans(folder: Path) -> None:
     assert not repaired["/scan"]
 
 
+def driven_around_the_barrel(folder: Path) -> None:
+    """The rover stands at both goals, touched nothing, and always knew where it was."""
+    with groundlink.open(folder / "navigation.mcap") as dataset:
+        truth = dataset.truth()
+        begin_s = float(truth.seconds[0])
+        for goal_m in ((0.0, -0.6), (-4.4, 0.1)):
+            begin_s, _ = arrival(truth, begin_s, goal_m)
+        assert touched(dataset) == []
+        _, errors_m = pose_errors(dataset)
+    assert len(errors_m) > 100
+    assert errors_m.max() < 0.1
+    assert 9.0 < truth.length_m < 11.5
+
+
 AFTERWARDS: dict[str, Callable[[Path], None]] = {
     "drive-from-ros": equal_drives,
     "lossy-radio": repaired_scans,
+    "navigate": driven_around_the_barrel,
     "record-and-read": recorded_arrays,
 }
 """What is checked of the files and outputs that a page leaves; numbers are not compared."""
