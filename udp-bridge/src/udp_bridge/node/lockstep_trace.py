@@ -2,9 +2,8 @@
 """Trace of a lockstep run: what ROS got and what it answered, as JSON lines in a file.
 
 Two runs of the same scenario have the same lines for each topic, but for padding bytes of answers,
-which DDS leaves undefined. `groundlink verify --ros` compares them. Lines of different topics may
-come in another order, since DDS has none between publishers. Messages to ROS are written as a
-digest, answers with their bodies.
+which DDS leaves undefined. Lines of different topics may come in another order, since DDS has none
+between publishers. Messages to ROS are written as a digest, answers with their bodies.
 """
 
 from __future__ import annotations
