@@ -17,6 +17,7 @@ hypothesis.settings.load_profile("groundlink")
 
 LONGEST = (
     "tests/test_wheels.py",
+    "tests/test_house.py",
     "tests/bridge/test_fuzz.py",
     "tests/benchmarks/test_bridge.py",
     "tests/udp_bridge/cpp/",

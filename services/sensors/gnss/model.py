@@ -169,9 +169,9 @@ class GnssModel:
         self._waiting: deque[_Measured] = deque()
 
     def settled_tick(self) -> int:
-        """Return the tick whose state a successor must receive first."""
+        """Return the tick whose state a successor must receive first; -1 before the first fix."""
         if self._waiting:
-            return max(0, self._waiting[0].tick - 1)
+            return self._waiting[0].tick - 1
         return self._due.tick
 
     def readings(self, state: State) -> list[NavSatFix]:
