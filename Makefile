@@ -14,8 +14,8 @@ READY := .venv/.ready
 SETUP_INPUTS := pyproject.toml udp-bridge/pyproject.toml setup.sh \
 	$(wildcard services/sensors/*/*.c udp-bridge/src/udp_bridge/io/native/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
 # Files with tests marked `system`; collecting all others takes longer than many of these tests.
-SYSTEM_TESTS := tests/system tests/ros1 tests/bridge/test_kernel_loss.py tests/docs/test_tutorials.py \
-	tests/experiments/test_short.py
+SYSTEM_TESTS := tests/system tests/ros1 tests/ros/cpp tests/bridge/test_kernel_loss.py \
+	tests/docs/test_tutorials.py tests/experiments/test_short.py tests/experiments/test_short_live.py
 
 .PHONY: help setup run test test-units test-system test-alone test-stack environments mutants fuzz nightly benchmarks experiments docs clean
 

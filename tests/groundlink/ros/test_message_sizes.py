@@ -109,7 +109,7 @@ def said(capsys: pytest.CaptureFixture[str], tmp_path: Any, more: str = "", lida
     file = tmp_path / "lab.yaml"
     text = LAB.read_text(encoding="utf-8").replace("vlp16_paper.yaml,", f"vlp16_paper.yaml,{lidar}")
     file.write_text(text + more, encoding="utf-8")
-    assert check(argparse.Namespace(scenario=str(file), json=False)) == 0
+    assert check(argparse.Namespace(scenario=str(file), json=False, urdf=None)) == 0
     return capsys.readouterr().out
 
 
