@@ -3,8 +3,8 @@
 
 The sensors of the laboratory's rover drive a curve: its camera of 640 x 480 without labels, with
 each form alone and with all of them, and its LiDAR without and with labels. The models take turns,
-each in a process of its own. A figure is the median of the processor time over all threads of a
-picture or a revolution, with its messages, in milliseconds.
+each in a process of its own. Each line has the processor time in milliseconds that a picture or a
+revolution takes with its messages: summed over all threads, the median of the readings.
 """
 
 import multiprocessing

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Repeats scenarios of scenario-execution: `python -m benchmarks.scenarios FILE.osc --times 100`.
 
-Each repetition is a program of its own. Printed are how many passed, how many different recordings
-there are, and the mean time of a repetition. Exit code 0: all passed with equal recordings.
+Each repetition is a program of its own. A line for each scenario has the number of repetitions that
+passed, the number of different recordings, and the mean time of a repetition. Exit code 0: all
+passed with equal recordings.
 """
 
 import argparse

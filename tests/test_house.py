@@ -18,6 +18,7 @@ SOURCES = (
     "ros/ros1",
     "ros/ros2",
     "ros/simulation_interfaces_tck",
+    "conformance",
     "benchmarks",
     "experiments",
     "tools",
@@ -29,7 +30,7 @@ FILES = [
     if "build" not in file.relative_to(ROOT).parts
 ]
 
-_PAGES_IN = ("docs", "deploy", "examples", "ros", "udp-bridge", ".github")
+_PAGES_IN = ("docs", "conformance", "deploy", "examples", "ros", "udp-bridge", ".github")
 PAGES = sorted(
     [*ROOT.glob("*.md"), *(page for name in _PAGES_IN for page in (ROOT / name).rglob("*.md"))]
 )
@@ -57,6 +58,7 @@ def test_types() -> None:
     run("-m", "mypy", "ros/ros1/udp_bridge_ros1/src/udp_bridge_ros1")
     run("-m", "mypy", "ros/ros2/udp_bridge_ros2/udp_bridge_ros2")
     run("-m", "mypy", "ros/simulation_interfaces_tck/src/simulation_interfaces_tck")
+    run("-m", "mypy", "conformance/src/sensor_conformance")
 
 
 def test_imports_run_one_way() -> None:

@@ -2,8 +2,8 @@
 """Writes the `.meta` files of the Unity package: ``python -m tools.unity_metas``.
 
 Unity identifies each asset by the GUID in the `.meta` file beside it. A package that is installed
-from a URL or an archive cannot be written to, so its files must bring them. A GUID is the MD5 of
-the package's name and the path in it: the same in every copy.
+from a URL or an archive is read-only, so it must contain these files. A GUID is the MD5 of the
+package's name and the path in it: the same in every copy.
 """
 
 import hashlib

@@ -10,7 +10,12 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from udp_bridge.node.topic_qos import STATIC_TRANSFORMS_TOPIC, TopicQos, publisher_qos
+from udp_bridge.node.topic_qos import (
+    QOS_BY_ROS_TYPE,
+    STATIC_TRANSFORMS_TOPIC,
+    TopicQos,
+    publisher_qos,
+)
 from udp_bridge.wire.types import (
     ANY_ROS_TYPE,
     MSG_TYPES,
@@ -23,7 +28,7 @@ from udp_bridge.wire.types import (
 ROOT = Path(__file__).resolve().parents[1]
 ROWS = tuple(MSG_TYPES.values())
 CSHARP = "udp-bridge/csharp/Runtime/UdpBridge"
-CPP_NODE = "ros/udp_bridge_cpp/include/udp_bridge_cpp/message_types.hpp"
+CPP_NODE = "ros/udp_bridge_cpp/include/udp_bridge_cpp/wire/message_types.hpp"
 NOT_IN_CSHARP = ("Resend", "Repair")
 """Types that the C# library does not take."""
 
@@ -108,6 +113,11 @@ def _cpp_static_transforms() -> str:
     return f"    {_cpp_qos(publisher_qos('TFMessage', STATIC_TRANSFORMS_TOPIC))[1:-1]}\n"
 
 
+def _cpp_qos_by_ros_type() -> str:
+    rows = sorted(QOS_BY_ROS_TYPE.items())
+    return "".join(f'    {{"{ros_type}", {_cpp_qos(qos)}}},\n' for ros_type, qos in rows)
+
+
 def _scenario() -> str:
     names = sorted({*NUMBER_OF_ROS_TYPE} - {"rosgraph_msgs/msg/Clock"})
     return "".join(f'    "{name.replace("/msg/", "/")}",\n' for name in names)
@@ -145,6 +155,12 @@ BLOCKS = (
         "inline constexpr TopicQos kStaticTransforms = {\n",
         "};\n",
         _cpp_static_transforms,
+    ),
+    Block(
+        CPP_NODE,
+        "inline constexpr RosTypeQos kQosByRosType[] = {\n",
+        "};\n",
+        _cpp_qos_by_ros_type,
     ),
     Block("groundlink/scenario/ros_side.py", "RosType = Literal[\n", "]\n", _scenario),
 )

@@ -228,6 +228,22 @@ def sizes(rounds: int, _: Path) -> list[Claim]:
     ]
 
 
+def echoes(rounds: int, scenario_file: Path) -> list[Claim]:
+    """Tell what noise and dropout by echo power, mixed pixels and blooming cost in a scenario."""
+    stay_on_one_core()
+    scenario = load(scenario_file)
+    vehicle = scenario.vehicles[0]
+    effects = {"mixed_pixels": True, "blooming": {"share": 0.001, "width_mrad": 8.0}}
+    plain, fitted = (
+        Runs(LidarModel(scenario, vehicle, spec), driving.states(scenario))
+        for spec in (lidar("vlp16"), lidar("vlp16_fitted", **effects))
+    )
+    calls: Calls = {"vlp16": plain.revolution, "vlp16_fitted, all effects": fitted.revolution}
+    times = by_turns(calls, 5 * rounds)
+    cost = ratio(times, "vlp16_fitted, all effects", "vlp16")
+    return [Claim("echoes: all effects over none", cost, 1.1, is_at_least=False)]
+
+
 def exponent(times: Times) -> float:
     """Return the slope of the logarithm of processor time over that of size, by least squares."""
     costs = [np.median(rows[:, 1]) for rows in times.values()]
@@ -239,6 +255,7 @@ PARTS: dict[str, Callable[[int, Path], list[Claim]]] = {
     "hills": hills,
     "core": core,
     "sizes": sizes,
+    "echoes": echoes,
 }
 
 
@@ -248,7 +265,7 @@ def main(arguments: Sequence[str]) -> int:
     add_options(parser)
     parser.add_argument("--only", choices=PARTS, help="measure one part only")
     parser.add_argument(
-        "--scenario", type=Path, default=SHIPPED / "indoor_lab.yaml", help="of `room`"
+        "--scenario", type=Path, default=SHIPPED / "indoor_lab.yaml", help="of `room` and `echoes`"
     )
     parser.add_argument("--rounds", type=int, default=7)
     options = parser.parse_args(arguments)

@@ -67,7 +67,7 @@ class PurePursuit:
         """Return the point of the path to steer to, in the base frame."""
         ahead = path[np.argmin(np.hypot(*(path - pose[:2]).T)) :]
         distances_m = np.hypot(*(ahead - pose[:2]).T)
-        index = np.argmax(distances_m >= self.lookahead_m) if len(ahead) else 0
+        index = np.argmax(distances_m >= self.lookahead_m)
         target = ahead[index] if distances_m[index] >= self.lookahead_m else path[-1]
         return transformed(inverse(pose), target[None])[0]
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Send a goal to the navigation node: `python send_goal.py X Y [YAW]`, in meters and radians.
 
-Ends when the robot stands there, as /pose has it.
+Ends when the poses on /pose stand still at the goal.
 """
 
 import math

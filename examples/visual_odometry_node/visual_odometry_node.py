@@ -34,14 +34,14 @@ KEPT_SHARE = 0.6
 """Share of a key frame's corners below which the next picture is a key frame."""
 
 FEWEST = 20
-"""Tracked points below which there is no pose: the camera is taken to move on as before."""
+"""Tracked points below which there is no pose: the camera is assumed to move as before."""
 
 BACK_PX = 0.7
 """Largest distance of a corner that is tracked into the next picture and back again."""
 
 DEPTH_M = (0.3, 8.0)
 WAITING = 20
-"""Most pictures that are incomplete."""
+"""Largest number of pictures that wait for another of their messages."""
 
 
 @dataclass

@@ -3,7 +3,6 @@
 
 import json
 import os
-import random
 import sys
 import time
 from dataclasses import dataclass, replace
@@ -15,9 +14,8 @@ from experiments.output.console import Console
 from groundlink.core.errors import UserError
 from groundlink.data.trajectory import write_tum
 from groundlink.monitor.process_commands import free_endpoint
-from udp_bridge_ros2.environment import apply_defaults
 
-from .recordings import RecordedRun, free_port, process
+from .recordings import RecordedRun, gateway_addresses, process, ros_environment
 from .setups import CLOCK_HZ, IN_REAL_TIME, ROOT, Setup
 
 LOOK_S = 0.2
@@ -79,11 +77,9 @@ def record_beside(
     UserError
         when the run fails, or the node does not keep up.
     """
-    addresses = {name: f"127.0.0.1:{free_port()}" for name in ("bind", "peer")}
-    scenario, bus_file = setup.write(folder, addresses), folder / "bus.mcap"
+    scenario, bus_file = setup.write(folder, gateway_addresses()), folder / "bus.mcap"
     bus_file.unlink(missing_ok=True)
-    environment = {"ROS_DOMAIN_ID": str(random.randrange(1, 100))}
-    apply_defaults(environment)
+    environment = ros_environment()
     beside = environment | ({"PYTHONPATH": str(packages)} if packages else {})
     script = [str(ROOT / "examples" / node.script), "--ros-args"]
     script += [word for parameter in node.parameters for word in ("-p", parameter)]

@@ -28,6 +28,7 @@ from groundlink.data.trajectory import Trajectory, read_tum, write_tum
 from groundlink.monitor.process_commands import free_endpoint
 from groundlink.monitor.supervisor import end_with_parent
 from groundlink.scenario import Scenario
+from udp_bridge_ros2.environment import apply_defaults
 
 from .deliveries import (
     TopicDelivery,
@@ -118,18 +119,17 @@ def record(setup: Setup, out: Path, console: Console) -> RecordedRun:
 
 def _run(setup: Setup, folder: Path, console: Console) -> None:
     """Start all processes, wait for the end of the bag, and stop all."""
-    bind, peer = (f"127.0.0.1:{free_port()}" for _ in range(2))
-    scenario = setup.write(folder, {"bind": bind, "peer": peer})
+    scenario = setup.write(folder, gateway_addresses())
     run = f"experiment_{os.getpid()}_{random.randrange(10**6)}"
     up = ["-m", "groundlink", "up", str(scenario), "--run", run, "--listen", free_endpoint()]
     if setup.time.get("mode") != "realtime":  # sensors may wait for each other: it is less work
         up.append("--sensors-together")
     bag = ("-m", "experiments.recording.ros_bag", str(folder / "run.mcap"), str(setup.seconds))
-    domain = {"ROS_DOMAIN_ID": str(random.randrange(1, 100))}
+    environment = ros_environment()
     with (
-        process(bag, folder / "bag.log", domain) as recorder,
+        process(bag, folder / "bag.log", environment) as recorder,
         process(
-            (*up, "--record", str(folder / "bus.mcap")), folder / "up.log", domain
+            (*up, "--record", str(folder / "bus.mcap")), folder / "up.log", environment
         ) as supervisor,
     ):
         _wait(setup, recorder, supervisor, folder, console)
@@ -167,6 +167,18 @@ def _wait(
         f"{setup.name}, seed {setup.seed}: recorded {setup.seconds:g} s in "
         f"{time.monotonic() - begun_s:.0f} s"
     )
+
+
+def gateway_addresses() -> dict[str, str]:
+    """Return free addresses of a gateway and of its peer, as `gateway` of a scenario has them."""
+    return {name: f"127.0.0.1:{free_port()}" for name in ("bind", "peer")}
+
+
+def ros_environment() -> dict[str, str]:
+    """Return environment variables for ROS 2 nodes of one run, in a DDS domain of their own."""
+    environment = {"ROS_DOMAIN_ID": str(random.randrange(1, 100))}
+    apply_defaults(environment)
+    return environment
 
 
 def last_json(log: Path) -> dict[str, float]:

@@ -6,7 +6,6 @@ The shipped `indoor_paper` in real time. The poses that returned on the bus are 
 
 import math
 import os
-import random
 import subprocess
 import time
 from collections.abc import Sequence
@@ -22,7 +21,13 @@ from experiments.estimation.evaluation import Evaluation
 from experiments.estimation.programs import DRIVERS, YAG_SLAM_LIVE
 from experiments.experiment import ExperimentOptions, evaluate_estimate
 from experiments.output import figures
-from experiments.recording.recordings import RecordedRun, free_port, last_json, process
+from experiments.recording.recordings import (
+    RecordedRun,
+    gateway_addresses,
+    last_json,
+    process,
+    ros_environment,
+)
 from experiments.recording.setups import IN_REAL_TIME, Setup, loaded
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus, BusError
@@ -33,7 +38,6 @@ from groundlink.data.trajectory import Trajectory, read_tum, write_tum
 from groundlink.messages.navigation import OccupancyGrid, PoseStamped
 from groundlink.monitor.process_commands import free_endpoint
 from groundlink.scenario import Scenario
-from udp_bridge_ros2.environment import apply_defaults
 
 SECONDS, SHORT_S = 117.0, 22.0
 """Two laps, after 2 s of standstill."""
@@ -91,11 +95,9 @@ def _run(
     UserError
         when the node does not keep up, or what it told does not come back.
     """
-    peers = {name: f"127.0.0.1:{free_port()}" for name in ("bind", "peer")}
-    scenario = setup.write(folder, peers)
+    scenario = setup.write(folder, gateway_addresses())
     run, endpoint = f"live_{os.getpid()}", free_endpoint()
-    domain = {"ROS_DOMAIN_ID": str(random.randrange(1, 100))}
-    apply_defaults(domain)
+    environment = ros_environment()
     mount = [str(number) for number in _mount(loaded(folder))]
     node = (str(DRIVERS / YAG_SLAM_LIVE.driver), str(folder / "graph.tum"), "--mount", *mount)
     bus_file = folder / "bus.mcap"
@@ -105,8 +107,8 @@ def _run(
     poses: BusInbox[PoseStamped] = BusInbox(depth=DEPTH)
     maps: BusInbox[OccupancyGrid] = BusInbox(depth=DEPTH)
     label = f"live, seed {setup.seed}"
-    with process(node, folder / "node.log", domain, python) as slam_node:
-        with process(up, folder / "up.log", domain) as supervisor:
+    with process(node, folder / "node.log", environment, python) as slam_node:
+        with process(up, folder / "up.log", environment) as supervisor:
             with _joined(endpoint, supervisor, folder) as bus:
                 options.console.print(f"{label}: `groundlink view --connect {endpoint}` shows it")
                 vehicle = loaded(folder).vehicles[0].name

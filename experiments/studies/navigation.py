@@ -7,7 +7,6 @@ on the map.
 """
 
 import os
-import random
 import subprocess
 import sys
 import time
@@ -23,7 +22,7 @@ import groundlink
 from experiments.estimation.evaluation import Evaluation, write_rows
 from experiments.experiment import ExperimentOptions
 from experiments.output import figures
-from experiments.recording.recordings import free_port, process
+from experiments.recording.recordings import gateway_addresses, process, ros_environment
 from experiments.recording.setups import ROOT, loaded
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
@@ -31,12 +30,11 @@ from groundlink.data.dataset import Dataset
 from groundlink.data.trajectory import Trajectory
 from groundlink.monitor.process_commands import free_endpoint
 from groundlink.ros.diagnostics import CONTACT_PREFIX
-from udp_bridge_ros2.environment import apply_defaults
 
 EXAMPLE = ROOT / "examples" / "navigation"
 SCENARIO = EXAMPLE / "lab_navigation.yaml"
 HEIGHTS_M = ("0.05", "0.9")
-"""Of the map: from the floor to the top of the mast."""
+"""Heights of the map's obstacles: from the floor to the top of the mast."""
 
 FIRST_POSE = "[-4.4, 0.15, 0.1]"
 LEG_S = 120.0
@@ -73,7 +71,7 @@ def tour(options: ExperimentOptions) -> Sequence[Evaluation]:
     Raises
     ------
     UserError
-        when a goal is missed by 0.2 m, or something was touched.
+        when a goal is missed by more than `LIMIT_M`, or something was touched.
     """
     rows: list[tuple[str, ...]] = []
     failures = []
@@ -118,27 +116,25 @@ def tour(options: ExperimentOptions) -> Sequence[Evaluation]:
 def _run(options: ExperimentOptions, folder: Path, seed: int, legs: Sequence[GoalLeg]) -> None:
     """Record a run with its legs into a folder."""
     document = yaml.safe_load(SCENARIO.read_text(encoding="utf-8"))
-    addresses = {name: f"127.0.0.1:{free_port()}" for name in ("bind", "peer")}
-    document |= {"seed": seed, "gateway": addresses}
+    document |= {"seed": seed, "gateway": gateway_addresses()}
     scenario = folder / "scenario.yaml"
     scenario.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
     known, record = folder / "map.yaml", folder / "run.mcap"
     record.unlink(missing_ok=True)
     _groundlink("world", "map", scenario, "--heights-m", *HEIGHTS_M, "--out", known)
     endpoint, run = free_endpoint(), f"navigation_{os.getpid()}"
-    domain = {"ROS_DOMAIN_ID": str(random.randrange(1, 100))}
-    apply_defaults(domain)
+    environment = ros_environment()
     node = [str(EXAMPLE / "navigation_node.py"), "--ros-args"]
     node += ["-p", f"map:={known}", "-p", f"initial_pose:={FIRST_POSE}"]
     up = ["-m", "groundlink", "up", str(scenario), "--run", run, "--listen", endpoint]
     with (
-        process(node, folder / "node.log", domain),
-        process([*up, "--record", str(record)], folder / "up.log", domain),
+        process(node, folder / "node.log", environment),
+        process([*up, "--record", str(record)], folder / "up.log", environment),
     ):
         for number, leg in enumerate(legs, 1):
             label = f"navigation, seed {seed}, leg {number}"
             send = [str(EXAMPLE / "send_goal.py"), *map(str, leg.goal_m)]
-            with process(send, folder / "goal.log", domain) as goal:
+            with process(send, folder / "goal.log", environment) as goal:
                 barrel = f"barrel{number}"
                 place = ",".join(map(str, leg.barrel_m))
                 where = ("--connect", endpoint, "--run", run)

@@ -5,7 +5,7 @@ Keys, message types and rates are defined only here. Liveness checks, the comman
 topics`, the reference in `docs/reference/bus.md` and tests are derived from the table.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from groundlink.episode.fault_messages import Faults
@@ -190,6 +190,17 @@ def driver_name(vehicle: Vehicle) -> str:
 def driver_names(scenario: Scenario) -> list[str]:
     """Return the driver processes of a run: one for each vehicle with a route."""
     return [driver_name(vehicle) for vehicle in scenario.vehicles if vehicle.route is not None]
+
+
+def vehicle_streams(scenario: Scenario, run: str) -> Iterator[tuple[str, type[BusMessage]]]:
+    """Yield key and message type of the truth, the vitals and all sensor outputs of a run."""
+    for vehicle in scenario.vehicles:
+        for row in (GROUND_TRUTH, VITALS):
+            yield row.key_in(run, vehicle=vehicle.name), row.message
+        for sensor in vehicle.sensors:
+            for output in sensor_outputs(sensor):
+                key = output.row.key_in(run, vehicle=vehicle.name, sensor=sensor.name)
+                yield key, output.row.message
 
 
 def process_names(scenario: Scenario) -> dict[str, str]:

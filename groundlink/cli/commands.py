@@ -16,7 +16,6 @@ from .files import (
     report,
     schema,
     secure,
-    sensors,
     snapshot,
     topics,
     try_vehicle,
@@ -25,12 +24,13 @@ from .files import (
     world,
 )
 from .run import control, demo, drive, fault, link, record, replay, save, spawn, sweep, top, up
+from .sheets import fit, sensors
 
 GROUPS = {
     "start a run": (demo, up, record, replay, snapshot, sweep),
     "look at a run": (top, view),
     "control a run": (drive, control, save, spawn, fault, link),
-    "use a recording": (report, verify, export, convert),
+    "use a recording": (report, verify, export, convert, fit),
     "write a scenario": (new, check, try_vehicle, explain, sensors, topics, schema, world),
     "set up": (compose, secure, completion),
 }

@@ -43,6 +43,12 @@ def rotate(a_from_b: Quaternion, vector_in_b: Vector3) -> Vector3:
     )
 
 
+def heading_rad(world_from_body: Quaternion) -> float:
+    """Return the yaw: the angle from x to the body's x axis in the plane, counterclockwise."""
+    x, y, z, w = world_from_body
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
 def rotation_vector(a_from_b: Quaternion) -> Vector3:
     """Return axis times angle in radians, the angle in [0, pi]: the logarithm map of SO(3).
 

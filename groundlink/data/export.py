@@ -6,11 +6,9 @@ for each message has a folder of numbered files, with their stamps in `times.txt
 poses of the run and `_BATCH` messages of each other topic.
 """
 
-import shutil
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from array import array
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -32,7 +30,9 @@ from .formats import (
     write_times,
     write_velodyne,
 )
+from .kitti_objects import KittiObjects
 from .ros_arrays import CLOUDS, IMAGES, POSES, columns, content, items, record_array
+from .topic_export import TopicExport, UnsuitableMessages
 from .trajectory import Trajectory, write_tum
 
 _BATCH = 250
@@ -65,52 +65,7 @@ class ExportSummary:
     """Reason by topic."""
 
 
-class _Unsuitable(Exception):
-    """The messages of a topic do not fit a format."""
-
-
-class _Output(ABC):
-    """Files of one format from the messages of one topic."""
-
-    format: ClassVar[str]
-    ending: ClassVar[str]
-    """Of the path, after the name of the topic; a folder ends in `/`."""
-
-    def __init__(self, dataset: Dataset, topic: str, stem: Path) -> None:
-        self.topic = topic
-        self.path = Path(f"{stem}{self.ending}")
-        self.messages = 0
-        self.unsuitable = ""
-        """Why the messages do not fit; empty if they do."""
-
-    @staticmethod
-    @abstractmethod
-    def takes(ros_type: str) -> bool:
-        """Return whether messages of a type may fit."""
-
-    @abstractmethod
-    def add(self, time_nanos: int, message: Any) -> None:
-        """Write a message, or collect it. Raises _Unsuitable if it does not fit."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Write what was collected. Raises _Unsuitable if it does not fit."""
-
-    @contextmanager
-    def fitting(self) -> Iterator[None]:
-        """Delete what was written if the messages turn out not to fit."""
-        try:
-            yield
-        except _Unsuitable as error:
-            self.unsuitable = str(error)
-            self.messages = 0
-            if self.path.is_dir():
-                shutil.rmtree(self.path)
-            else:
-                self.path.unlink(missing_ok=True)
-
-
-class _Poses(_Output):
+class _Poses(TopicExport):
     """Poses, collected until the end.
 
     Parameters
@@ -128,8 +83,8 @@ class _Poses(_Output):
         self._poses = array("d")
 
     @staticmethod
-    def takes(ros_type: str) -> bool:
-        return ros_type in POSES
+    def takes(dataset: Dataset, topic: str) -> bool:
+        return dataset.ros_type(topic) in POSES
 
     def add(self, time_nanos: int, message: Any) -> None:
         pose = message
@@ -165,7 +120,7 @@ class _KittiPoses(_Poses):
         write_times(self.path / "times.txt", stamps)
 
 
-class _NumberedFiles(_Output):
+class _NumberedFiles(TopicExport):
     """A file for each message, numbered from 0, and their stamps."""
 
     suffix: ClassVar[str]
@@ -183,7 +138,7 @@ class _NumberedFiles(_Output):
         try:
             values = content(message)
         except KeyError as error:
-            raise _Unsuitable(f"unknown encoding of an image: {error}") from None
+            raise UnsuitableMessages(f"unknown encoding of an image: {error}") from None
         assert values is not None
         folder = self.path / self.folder
         folder.mkdir(parents=True, exist_ok=True)
@@ -207,8 +162,8 @@ class _PcdFiles(_NumberedFiles):
     format, ending, suffix = "pcd", "/pcd/", ".pcd"
 
     @staticmethod
-    def takes(ros_type: str) -> bool:
-        return ros_type in CLOUDS
+    def takes(dataset: Dataset, topic: str) -> bool:
+        return dataset.ros_type(topic) in CLOUDS
 
     def write(self, file: Path, values: NDArray[Any]) -> None:
         write_pcd(file, values)
@@ -218,8 +173,8 @@ class _PngFiles(_NumberedFiles):
     format, ending, suffix = "png", "/png/", ".png"
 
     @staticmethod
-    def takes(ros_type: str) -> bool:
-        return ros_type in IMAGES
+    def takes(dataset: Dataset, topic: str) -> bool:
+        return dataset.ros_type(topic) in IMAGES
 
     def write(self, file: Path, values: NDArray[Any]) -> None:
         write_png(file, values)
@@ -243,8 +198,8 @@ class _KittiScans(_NumberedFiles):
             self._truth = dataset.truth(*sensor)
 
     @staticmethod
-    def takes(ros_type: str) -> bool:
-        return ros_type in CLOUDS
+    def takes(dataset: Dataset, topic: str) -> bool:
+        return dataset.ros_type(topic) in CLOUDS
 
     def is_wanted(self, stamp: int) -> bool:
         if self._truth is None:
@@ -261,7 +216,7 @@ class _KittiScans(_NumberedFiles):
             write_kitti_poses(self.path / "poses.txt", poses)
 
 
-class _Records(_Output):
+class _Records(TopicExport):
     """Messages of numbers, as rows."""
 
     def __init__(self, dataset: Dataset, topic: str, stem: Path) -> None:
@@ -270,8 +225,8 @@ class _Records(_Output):
         self._record: np.dtype[np.void] | None = None
 
     @staticmethod
-    def takes(ros_type: str) -> bool:
-        return ros_type not in CLOUDS and ros_type not in IMAGES
+    def takes(dataset: Dataset, topic: str) -> bool:
+        return dataset.ros_type(topic) not in CLOUDS | IMAGES
 
     def add(self, time_nanos: int, message: Any) -> None:
         self._batch.extend(items([(time_nanos, message)]))
@@ -283,15 +238,15 @@ class _Records(_Output):
         if self._batch:
             self._flush()
         if self._record is None:
-            raise _Unsuitable("lists without an entry")
+            raise UnsuitableMessages("lists without an entry")
 
     def _flush(self) -> None:
         try:
             found = record_array(self._batch, self._record)
         except ValueError:
-            raise _Unsuitable("lists that differ in length") from None
+            raise UnsuitableMessages("lists that differ in length") from None
         if found.dtype.names == ("stamp",):
-            raise _Unsuitable("text or lists of messages")
+            raise UnsuitableMessages("text or lists of messages")
         sample = self._batch[-1][1]
         self._record, self._batch = found.dtype, []
         self.append(columns(found, sample))
@@ -325,11 +280,12 @@ class _ParquetTable(_Records):
 
 _POSE_OUTPUTS: tuple[type[_Poses], ...] = (_TumFile, _KittiPoses)
 
-_OUTPUTS: tuple[type[_Output], ...] = (
+_OUTPUTS: tuple[type[TopicExport], ...] = (
     *_POSE_OUTPUTS,
     _KittiScans,
     _PcdFiles,
     _PngFiles,
+    KittiObjects,
     _CsvFile,
     _ParquetTable,
 )
@@ -376,7 +332,7 @@ def export(
         kind(dataset, topic, stems[topic])
         for topic in chosen
         for kind in _OUTPUTS
-        if kind.format in formats and kind.takes(dataset.ros_type(topic))
+        if kind.format in formats and kind.takes(dataset, topic)
     ]
     outputs += [
         kind(dataset, dataset.truth_topic(vehicle), stems[name], dataset.mount(vehicle, frame))
@@ -385,9 +341,10 @@ def export(
         if kind.format in formats
     ]
     left_out = dict.fromkeys(chosen, "no chosen format fits the type")
-    by_topic: dict[str, list[_Output]] = {}
+    by_topic: dict[str, list[TopicExport]] = {}
     for output in outputs:
-        by_topic.setdefault(output.topic, []).append(output)
+        for topic in output.inputs:
+            by_topic.setdefault(topic, []).append(output)
         left_out.pop(output.topic, None)
     messages = dataset.interleaved(by_topic, start_s=start_s, end_s=end_s)
     total = sum(facts.messages for topic, facts in dataset.topics.items() if topic in by_topic)

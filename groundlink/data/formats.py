@@ -32,6 +32,9 @@ class ExportFormat(NamedTuple):
 FORMATS = {
     "tum": ExportFormat("poses as TUM trajectories"),
     "kitti": ExportFormat("poses and point clouds as in the KITTI odometry benchmark"),
+    "kitti-objects": ExportFormat(
+        "pictures, clouds and boxes of labeled cameras as in the KITTI object benchmark", "PIL"
+    ),
     "pcd": ExportFormat("point clouds as binary PCD files with all fields"),
     "png": ExportFormat("images; depth with 16 bits, in millimeters", "PIL"),
     "csv": ExportFormat("a row for each message, a column for each number"),

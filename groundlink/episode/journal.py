@@ -31,7 +31,7 @@ from groundlink.messages.base import Ack, Command, State, WheelCommand, encode
 from groundlink.messages.navigation import JointState
 from groundlink.scenario import Scenario
 from groundlink.scenario.decoding import put_unknown, take_unknown
-from groundlink.scenario.schema import EntityDescription
+from groundlink.world.actors import EntityDescription
 
 VERSION = 1
 

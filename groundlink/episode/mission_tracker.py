@@ -9,14 +9,14 @@ from bisect import insort
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from math import atan2, copysign, cos, dist, isfinite, pi, radians
+from math import copysign, cos, dist, isfinite, pi, radians
 from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
 
 from groundlink.core.fields import Quaternion, Vector3
-from groundlink.core.quaternions import rotate
+from groundlink.core.quaternions import heading_rad, rotate
 from groundlink.scenario.running_gear import SideSteered
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.vehicle import VehicleModel
@@ -281,8 +281,7 @@ class MissionTracker:
         last = self._pose
         if last is not None and seconds - last.seconds < PERIOD_SECONDS - 1e-6:
             return
-        x, y, z, w = orientation
-        yaw = atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        yaw = heading_rad(orientation)
         ahead = rotate(orientation, (1.0, 0.0, 0.0))
         self._pose = pose = _Pose(seconds, position_m, ahead, yaw)
         speed, turn = self._active(seconds, 0.0 if last is None else seconds - last.seconds)
@@ -295,6 +294,7 @@ class MissionTracker:
         is_given_up = self._is_silent(seconds) and self._is_known(STUCK)
         if last is None or not (self._command.is_motion or is_given_up):
             self._latest.restart(seconds, position_m)
+        x, y, *_ = orientation
         upright = 1 - 2 * (x * x + y * y)
         self._judge(LEFT, self._is_outside(position_m), seconds, position_m)
         self._judge(FALLING, downward_mps > self._falling_mps, seconds, position_m)

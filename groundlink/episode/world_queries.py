@@ -13,7 +13,7 @@ import msgspec
 
 from groundlink.core.errors import UserError
 from groundlink.core.fields import Quaternion, Vector3
-from groundlink.scenario.schema import Category
+from groundlink.world.actors import Category
 
 RefusalCode = Literal[
     "not_found",

@@ -228,6 +228,9 @@ class Ack(BusMessage, frozen=True):
     """By vehicle, the tick of the stamp of the newest command that the process has sent. Physics
     applies the acknowledgement when this command has arrived."""
 
+    commands: dict[str, int] | msgspec.UnsetType = msgspec.UNSET
+    """By vehicle, the number of commands with this stamp, where there are several."""
+
 
 NOT_REPORTED = "not reported"
 """Text for a topic whose receiver sends no reports."""

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Missions of a run's vehicles, from the ground truth, commands and vitals on its bus."""
 
-from collections.abc import Callable
 from functools import cache, partial
 from math import inf
 from typing import Protocol
@@ -51,7 +50,9 @@ class MissionMonitor:
 
     def __init__(self, scenario: Scenario | None = None, *, until_seconds: float = inf) -> None:
         self._vehicles: list[_VehicleMonitor] = []
-        self._present: Callable[[], Scenario | None] = lambda: scenario
+        self._present = cache(lambda: scenario)
+        """Scenario at present: one query for all vehicles that begin an episode together."""
+
         if scenario is not None:
             self._know(scenario)
             self._vehicles += [
@@ -66,7 +67,7 @@ class MissionMonitor:
             replies = bus.query(scenario_key(run), seconds=SCENARIO_SECONDS).values()
             return next(map(decode_scenario, replies), None)
 
-        self._present = present
+        self._present = cache(present)
         for vehicle in self._vehicles:
             for row in ROWS:
                 key = row.key_in(run, vehicle=vehicle.name)
@@ -74,6 +75,7 @@ class MissionMonitor:
 
     def update(self) -> None:
         """Process all messages that have come."""
+        self._present.cache_clear()
         for vehicle in self._vehicles:
             vehicle.update()
 

@@ -2,8 +2,11 @@
 """Command lines of the processes of a run. Services are started as ``python -m`` only."""
 
 import socket
+from pathlib import Path
 
+from groundlink.bus.core_topics import GATEWAY, PHYSICS, RECORDER
 from groundlink.bus.topics import process_names
+from groundlink.core.atomic_file import check_new_file
 from groundlink.core.extras import check_installed
 from groundlink.scenario import Scenario
 
@@ -23,6 +26,42 @@ def commands(
     for name, module in modules.items():
         arguments = [file] if name == "physics" else ["--name", name] if "/" in name else []
         found[name] = ["-m", module, *arguments, *joining(run, endpoint)]
+    return found
+
+
+def stepped(
+    scenario: Scenario,
+    file: str,
+    run: str,
+    endpoint: str,
+    *,
+    mode: str,
+    sensors_together: bool,
+    record: Path | None,
+) -> dict[str, list[str]]:
+    """Return the command lines of a run that a program steps, which stands for its gateway.
+
+    Parameters
+    ----------
+    mode
+        time mode of physics.
+    record
+        new file to record to, if any.
+
+    Raises
+    ------
+    UserError
+        if the file exists.
+    RequirementError
+        as `recorder`.
+    """
+    found = commands(scenario, file, run, endpoint, sensors_together=sensors_together)
+    del found[GATEWAY]
+    found[PHYSICS] += ["--mode", mode, "--lockstep", "ros"]
+    if record is not None:
+        check_new_file("record", record)
+        found[RECORDER] = [*recorder(str(record), run, endpoint), "--ordered"]
+        found[PHYSICS] += ["--wait-for", RECORDER]
     return found
 
 

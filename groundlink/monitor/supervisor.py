@@ -107,6 +107,11 @@ class Supervisor:
         for child in self.children.values():
             self._start(child)
 
+    def not_running(self) -> list[str]:
+        """Return the names of the processes that are not running at present."""
+        children = self.children.values()
+        return [c.name for c in children if c.process is None or c.process.poll() is not None]
+
     def poll(self) -> str | None:
         """Restart crashed children; return the name of a child that failed for good, or None."""
         now = time.monotonic()
@@ -131,14 +136,22 @@ class Supervisor:
                 return child.name
         return None
 
-    def stop(self, names: Collection[str] | None = None) -> list[str]:
-        """Stop the named processes, or all; return the names of those that had to be killed."""
+    def stop(
+        self, names: Collection[str] | None = None, *, seconds: float = END_SECONDS
+    ) -> list[str]:
+        """Stop the named processes, or all; return the names of those that had to be killed.
+
+        Parameters
+        ----------
+        seconds
+            timeout for their exit.
+        """
         chosen = [c for c in self.children.values() if names is None or c.name in names]
         running = [c for c in chosen if c.process and c.process.poll() is None]
         for child in running:
             assert child.process
             child.process.terminate()
-        deadline = time.monotonic() + END_SECONDS
+        deadline = time.monotonic() + seconds
         killed = []
         for child in running:
             assert child.process

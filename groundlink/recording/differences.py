@@ -52,12 +52,20 @@ def message_difference(ros_type: str, recorded: bytes, repeated: bytes) -> Diffe
     recorded, repeated
         CDR of messages of this type.
     """
+    found = value_difference(ros_type, recorded, repeated)
+    return found or _in_bytes("body", recorded, repeated)
+
+
+def value_difference(ros_type: str, recorded: bytes, repeated: bytes) -> Difference | None:
+    """Return the first difference of the values in two unequal bodies; None for padding alone.
+
+    DDS leaves padding undefined. Bodies that cannot be read as this type are compared by bytes.
+    """
     try:
         old, new = (STORE.deserialize_cdr(body, ros_type) for body in (recorded, repeated))
-        found = first_difference(old, new)
+        return first_difference(old, new)
     except (SerdeError, ValueError, IndexError, KeyError, struct.error):
-        found = None  # not a message of this type
-    return found or _in_bytes("body", recorded, repeated)
+        return _in_bytes("body", recorded, repeated)
 
 
 def first_difference(recorded: Any, repeated: Any) -> Difference | None:

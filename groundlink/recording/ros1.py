@@ -10,19 +10,26 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from rosbags.rosbag1 import Writer
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_typestore
 
 from groundlink.ros.base import is_latched
-from groundlink.ros.types import STORE, WHEEL_ENCODERS_DEFINITION, definition
+from groundlink.ros.types import (
+    STORE,
+    WHEEL_ENCODERS_DEFINITION,
+    definition,
+    register_unknown,
+)
 
 from .reader import RecordedMessage
 
 NOETIC = get_typestore(Stores.ROS1_NOETIC)
-for _name, _definition in {
-    "groundlink_msgs/msg/WheelEncoders": WHEEL_ENCODERS_DEFINITION,
-    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
-}.items():
-    NOETIC.register(get_types_from_msg(_definition, _name))
+register_unknown(
+    {
+        "groundlink_msgs/msg/WheelEncoders": WHEEL_ENCODERS_DEFINITION,
+        "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
+    },
+    NOETIC,
+)
 
 _ADDED_BYTES = {"sensor_msgs/msg/Range": 4}
 """Bytes at the end of a type that ROS 1 lacks (the variance of Range)."""
@@ -43,10 +50,7 @@ def write_bag(path: Path, types: dict[str, str], messages: Iterable[RecordedMess
         ROS type by topic.
     """
     count = 0
-    for ros_type in types.values():
-        if ros_type not in NOETIC.types:
-            found = get_types_from_msg(definition(ros_type), ros_type)
-            NOETIC.register({n: fields for n, fields in found.items() if n not in NOETIC.types})
+    register_unknown({ros_type: definition(ros_type) for ros_type in types.values()}, NOETIC)
     with Writer(path) as bag:
         connections = {}
         for topic, ros_type in types.items():

@@ -59,6 +59,13 @@ def origins(nodes: Sequence[RosNode], sources: Collection[str]) -> Mapping[str, 
     return known
 
 
+def publishers(nodes: Sequence[RosNode]) -> Mapping[str, str]:
+    """Return the name of the node that publishes each topic, in order of causes."""
+    names = {topic: node.name for node in nodes for topic in node.publishes}
+    sources = {topic for node in nodes for topic in node.consumes} - names.keys()
+    return {topic: names[topic] for topic in origins(nodes, sources) if topic in names}
+
+
 def _mistakes(nodes: Sequence[RosNode], sources: Collection[str]) -> Iterator[str]:
     published = Counter(topic for node in nodes for topic in node.publishes)
     for node in nodes:

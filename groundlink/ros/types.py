@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 from groundlink.core.clock import NANOS
 from groundlink.core.fields import Quaternion, Vector3
@@ -27,22 +28,25 @@ int64[] ticks
 """
 
 STORE = get_typestore(Stores.ROS2_KILTED)
-STORE.register(get_types_from_msg(WHEEL_ENCODERS_DEFINITION, "groundlink_msgs/msg/WheelEncoders"))
 TYPES = STORE.types
 
 
-def register_unknown(definitions: Mapping[str, str]) -> None:
-    """Register the types among these that are not known yet, each with the types in its definition.
+def register_unknown(definitions: Mapping[str, str], store: Typestore = STORE) -> None:
+    """Register the types among these that a store lacks, each with the types in its definition.
 
     A definition that cannot be parsed is left out.
     """
     for ros_type, text in definitions.items():
-        if ros_type in TYPES:
+        if ros_type in store.types:
             continue
         with suppress(TypesysError):
             found = get_types_from_msg(text, ros_type)
-            STORE.register({name: fields for name, fields in found.items() if name not in TYPES})
+            store.register(
+                {name: fields for name, fields in found.items() if name not in store.types}
+            )
 
+
+register_unknown({"groundlink_msgs/msg/WheelEncoders": WHEEL_ENCODERS_DEFINITION})
 
 _FLOAT32 = struct.Struct("<f")
 

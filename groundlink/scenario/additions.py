@@ -4,10 +4,10 @@
 from msgspec import field
 
 from groundlink.core.fields import Quaternion, Spec, Vector3
-from groundlink.world.actors import Actor
+from groundlink.world.actors import Actor, Category
 from groundlink.world.solids import Material, Solid
 
-from .schema import Category, Vehicle
+from .schema import Vehicle
 
 
 class Addition(Spec, frozen=True):

@@ -14,6 +14,7 @@ import msgspec
 from msgspec import Meta
 
 from groundlink.core.clock import TICK_RATE_HZ, exact
+from groundlink.core.errors import UserError
 from groundlink.core.fields import NonNegative, Positive, Spec
 
 Degrees = Annotated[float, Meta(ge=-360, le=360)]
@@ -190,3 +191,20 @@ Fault = (
 
 KINDS: dict[str, type[FaultSpec]] = {str(c.__struct_config__.tag): c for c in get_args(Fault)}
 """All kinds of faults by tag."""
+
+
+def fault_from(fields: object) -> Fault:
+    """Return the fault with these fields, as a scenario has them.
+
+    Raises
+    ------
+    UserError
+        if it is none; the line names the field.
+    """
+    try:
+        fault: Fault = msgspec.convert(fields, Fault)
+    except msgspec.ValidationError as error:
+        problem, _, place = str(error).partition(" - at `$.")
+        at = f"`{place.strip('`')}`: " if place else ""
+        raise UserError(f"{at}{problem[:1].lower()}{problem[1:]}") from None
+    return fault

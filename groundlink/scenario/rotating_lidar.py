@@ -7,16 +7,75 @@ before any process starts.
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
 from groundlink.core.clock import exact
-from groundlink.core.fields import Fraction01, NonNegative, Positive
+from groundlink.core.fields import Fraction01, NonNegative, Positive, Spec
 from groundlink.messages.reading_schedule import Blocks, ReadingSchedule
 
 from .every_sensor import Rate, SensorSpec
 from .faults import Quantity
+
+
+class EchoBands(Spec, frozen=True, kw_only=True):
+    """Noise and dropout by intensity and range.
+
+    Between the knots values are linear in both; beyond the ends they are those of the ends.
+    """
+
+    intensity: tuple[NonNegative, ...]
+    """Intensities of the rows, ascending, as the device reports them."""
+
+    range_m: tuple[NonNegative, ...]
+    """Ranges of the columns, ascending."""
+
+    stddev_m: tuple[tuple[NonNegative, ...], ...] = ()
+    """White noise of a range measurement, 1 sigma, by intensity, then by range; empty: none. It is
+    independent of the other noise sources."""
+
+    dropout: tuple[tuple[Fraction01, ...], ...] = ()
+    """Share of returns that are dropped at random, by intensity, then by range; empty: none. The
+    field `dropout` beside this table acts on what is left."""
+
+    def __post_init__(self) -> None:
+        for name in ("intensity", "range_m"):
+            knots = getattr(self, name)
+            if not knots or any(a >= b for a, b in pairwise(knots)):
+                raise ValueError(f"`{name}` is {list(knots)}; expected ascending numbers")
+        for name in ("stddev_m", "dropout"):
+            table = getattr(self, name)
+            shape = [len(self.range_m)] * len(self.intensity)
+            if table and [len(row) for row in table] != shape:
+                raise ValueError(
+                    f"`{name}` has rows of {[len(row) for row in table]} values; expected a row "
+                    f"for each of {len(shape)} intensities, each with {len(self.range_m)} ranges"
+                )
+
+
+class Blooming(Spec, frozen=True, kw_only=True):
+    """Stray light of retroreflectors in beams that pass them."""
+
+    share: Fraction01
+    """Share of a retroreflector's light that a beam gets at the edge of its footprint."""
+
+    width_mrad: Positive
+    """Angle beyond the footprint over which this share falls by a factor of e."""
+
+
+class TurningMirror(Spec, frozen=True):
+    """A fast turning mirror whose tilt changes slowly: it scans without repeating itself."""
+
+    turns_per_s: Positive
+    """Turns per second."""
+
+    tilt_period_s: Positive
+    """Time in which the tilt goes from the highest elevation to the lowest and back."""
+
+    elevations_deg: tuple[float, float]
+    """Highest and lowest elevation of the middle of the fan of beams."""
 
 
 class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
@@ -118,6 +177,17 @@ class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
     dropout: Fraction01 = 0.0
     """Share of returns that are dropped at random."""
 
+    echo_bands: EchoBands | None = None
+    """Noise and dropout by intensity and range, in addition to the constant ones."""
+
+    mixed_pixels: bool = False
+    """Whether beams at the edge of a surface get light of the surface behind it, too: points
+    between the two, and weaker ones before the sky. Needs the width in `divergence_mrad`;
+    `rays_per_beam` above 1 does the same with rays."""
+
+    blooming: Blooming | None = None
+    """Stray light of retroreflectors in beams that pass them. Default: none."""
+
     def __post_init__(self) -> None:
         for problem in self._problems():
             raise ValueError(problem)
@@ -146,6 +216,13 @@ class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
                 f"`rays_per_beam` is {self.rays_per_beam}, but `divergence_mrad` is zero; give the "
                 "beam a width, or leave it at 1 ray"
             )
+        if self.mixed_pixels and not (self.divergence_mrad[0] and self.rays_per_beam == 1):
+            yield (
+                "`mixed_pixels` needs a width in `divergence_mrad` and `rays_per_beam: 1`; got "
+                f"{self.divergence_mrad[0]:g} and {self.rays_per_beam}"
+            )
+        if self.blooming and self.rays_per_beam > 1:
+            yield f"`blooming` needs `rays_per_beam: 1`; got {self.rays_per_beam}"
         if self.firings_per_revolution % self.firings_per_azimuth:
             yield (
                 f"`firings_per_revolution` is {self.firings_per_revolution}; expected a multiple "

@@ -16,18 +16,18 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_RATE_HZ, exact
 from groundlink.core.fields import Spec, Vector3
-from groundlink.world.actors import Actor
+from groundlink.world.actors import Actor, EntityDescription
 from groundlink.world.objects.indoor_specs import Clutter, Furniture, Room
 from groundlink.world.objects.outdoor_specs import OutdoorObject
 from groundlink.world.solids import Material, Solid
-from groundlink.world.terrain import Terrain
+from groundlink.world.terrain import RoughnessClass, Terrain
 from groundlink.world.weather import Lamps, Sun, Weather
 
 from .every_sensor import Frame, FramePrefix, Name, Rate, RosTopic, SensorSpec
 from .ros_side import FromRos, GatewaySettings, RosNode, Stream, TfTree
 from .route import Route
 from .sensor_kinds import sensor_union
-from .vehicle import VehicleModel
+from .vehicle import Effect, VehicleModel
 
 Sensor: TypeAlias = SensorSpec
 """A sensor of any installed kind, identified by its tag. Type checkers see the fields that all
@@ -67,24 +67,6 @@ class Datum(Spec, frozen=True):
     geoid_m: float = 0.0
     """Height of the geoid above the ellipsoid. Maps and NMEA sentences give altitudes above the
     geoid."""
-
-
-Category = Literal["object", "robot", "human", "dynamic_object", "static_object"]
-"""Major categories of entities, as simulation_interfaces has them."""
-
-
-class EntityDescription(Spec, frozen=True, kw_only=True):
-    """What tools are told about an entity."""
-
-    category: Category | None = None
-    """Category; none: vehicles are robots, persons humans, other actors dynamic objects, and
-    everything else static objects."""
-
-    description: str = ""
-    """Description for people."""
-
-    tags: tuple[str, ...] = ()
-    """Tags by which tools select entities."""
 
 
 class PoseBox(Spec, frozen=True, kw_only=True):
@@ -160,6 +142,10 @@ class World(Spec, frozen=True, kw_only=True):
 
     weather: Weather = Weather()
     """Fog, rain and dust; default: clear and dry."""
+
+    roughness: RoughnessClass | dict[str, RoughnessClass] | None = None
+    """Roughness of the ground that wheels feel, by the classes A (smooth road) to H of ISO 8608:
+    one class for all ground, or classes by material. None: smooth. Sensors do not see it."""
 
     description: str = ""
     """Description for people."""
@@ -291,7 +277,11 @@ class Vehicle(Spec, frozen=True, kw_only=True):
     route: Route | None = None
     """Route of the autopilot; none: the vehicle waits for commands."""
 
+    effects: tuple[Effect, ...] = ()
+    """Effects of the model that act. Each is a field of the model, which has its figures."""
+
     def __post_init__(self) -> None:
+        self.model.with_effects(self.effects)
         if not self.from_ros.joint_groups:
             return
         joints = {joint.name: joint.commands for joint in self.model.joint_interfaces()}

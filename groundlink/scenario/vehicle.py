@@ -7,9 +7,11 @@ level ground all wheels touch the ground, except those that are mounted higher o
 at the ends of a track.
 """
 
-from typing import Annotated
+from collections.abc import Collection
+from typing import Annotated, Literal, Self, get_args
 
 from msgspec import Meta, field
+from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.fields import Fraction01, NonNegative, Positive, Size3, Spec, Vector3
@@ -82,6 +84,94 @@ class Chassis(Spec, frozen=True, kw_only=True):
             )
 
 
+Effect = Literal["vibration", "tire_slip", "bumper"]
+"""Fields of a model that act only where a vehicle's `effects` name them."""
+
+EFFECTS: tuple[Effect, ...] = get_args(Effect)
+
+MAX_SHAKE_HZ = 150.0
+"""Highest frequency of a vibration: ticks of 400 Hz do not carry much more."""
+
+
+class Tread(Spec, frozen=True, kw_only=True):
+    """Links of tracks, or lugs of tires: the wheels rise and fall as they roll over them."""
+
+    pitch_m: Positive
+    """Distance from one link or lug to the next."""
+
+    rise_m: Positive
+    """Height by which a wheel rises and falls, peak to peak."""
+
+
+class EngineOrder(Spec, frozen=True, kw_only=True):
+    """A vibration that repeats a number of times in each revolution of the engine."""
+
+    order: Positive
+    """Periods per revolution: half the number of cylinders for the firing of a four-stroke engine.
+    """
+
+    acceleration_mps2: NonNegative
+    """Amplitude of the hull's vertical acceleration at the highest speed of the engine. At lower
+    speeds it falls with the square of the speed, as forces of inertia do."""
+
+
+class Engine(Spec, frozen=True, kw_only=True):
+    """Combustion engine that shakes the hull. Its speed rises with the vehicle's."""
+
+    idle_rpm: Positive
+    """Speed at standstill."""
+
+    max_rpm: Positive
+    """Speed at the vehicle's top speed."""
+
+    orders: Annotated[tuple[EngineOrder, ...], Meta(min_length=1)]
+    """Orders of the vibration. An order is left out while its frequency is above 150 Hz."""
+
+    def __post_init__(self) -> None:
+        if self.max_rpm < self.idle_rpm:
+            raise ValueError("`max_rpm` is below `idle_rpm`; expected more")
+
+
+class Vibration(Spec, frozen=True, kw_only=True):
+    """Vibration of a moving vehicle. It acts on the body, so all of its sensors feel the same."""
+
+    tread: Tread | None = None
+    """Links or lugs under all wheels; none: smooth treads."""
+
+    engine: Engine | None = None
+    """Combustion engine; none: electric motors."""
+
+
+class TireSlip(Spec, frozen=True, kw_only=True):
+    """Slip of rolling tires below the limit of friction, alike for all wheels.
+
+    Without it a tire that rolls below its limit slips neither forward nor sideways.
+    """
+
+    cornering_stiffness_nprad: Positive
+    """Largest cornering stiffness of one tire over all loads: lateral force by slip angle, at small
+    angles. The force by longitudinal slip rises alike."""
+
+    load_n: Positive
+    """Load at which a tire has this stiffness. At other loads N it has the share
+    sin(2 atan(N / load_n))."""
+
+
+class Bumper(Spec, frozen=True, kw_only=True):
+    """Elasticity of the chassis in contacts, so that a collision lasts.
+
+    Without it a collision ends within a few ticks. A vehicle of mass m that meets a wall is slowed
+    for pi sqrt(m / stiffness), if nothing damps it.
+    """
+
+    stiffness_npm: Positive
+    """Force by depth, over all points of contact together. The chassis enters what it hits by this
+    depth."""
+
+    damping_nspm: NonNegative = 0.0
+    """Force by speed of entry, likewise."""
+
+
 class VehicleModel(Spec, frozen=True, kw_only=True):
     """Model of a vehicle."""
 
@@ -121,6 +211,15 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
     materials: dict[str, Material] = field(default_factory=dict)
     """Materials of the model. A material of the world with the same name takes precedence."""
 
+    vibration: Vibration | None = None
+    """Vibration by tracks, lugs and engine, where `effects` of the vehicle has it."""
+
+    tire_slip: TireSlip | None = None
+    """Slip of rolling tires, where `effects` of the vehicle has it."""
+
+    bumper: Bumper | None = None
+    """Elasticity of the chassis in contacts, where `effects` of the vehicle has it."""
+
     def __post_init__(self) -> None:
         names = [wheel.name for wheel in self.wheels]
         if len(set(names)) < len(names):
@@ -141,6 +240,26 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
                 )
         self.drive.check(self.wheels)
         check_joints(self.joints, (*names, *(joint.name for joint in self._drive_joints())))
+
+    def with_effects(self, effects: Collection[Effect]) -> Self:
+        """Return the model with these effects alone.
+
+        Raises
+        ------
+        ValueError
+            when the model has no figures of an effect, or figures that ticks do not carry.
+        """
+        for effect in effects:
+            if getattr(self, effect) is None:
+                raise ValueError(f"`effects`: model `{self.name}` has no `{effect}`")
+        acting = replace(self, **{name: None for name in EFFECTS if name not in effects})
+        if acting.vibration and (tread := acting.vibration.tread):
+            if (least := self.top_speed_mps / MAX_SHAKE_HZ) > tread.pitch_m:
+                raise ValueError(
+                    f"`vibration.tread` shakes faster than {MAX_SHAKE_HZ:g} Hz at top speed; "
+                    f"expected a `pitch_m` of at least {least:.3f}"
+                )
+        return acting
 
     @property
     def base_height_m(self) -> float:

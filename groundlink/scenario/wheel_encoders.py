@@ -48,6 +48,10 @@ class IncrementalEncoders(SensorSpec, frozen=True):
     """1 sigma of the relative scale error of each wheel, drawn once per run. It stands for a tire
     whose radius differs from the nominal one."""
 
+    eccentricity_deg: NonNegative = 0.0
+    """Amplitude of an error of the counted angle that repeats once per turn of the wheel, as of a
+    disc that is mounted off its center. Its phase is drawn once per run for each wheel."""
+
     slip_stddev: NonNegative = 0.0
     """1 sigma, in radians after one radian, of the difference between a wheel's counted angle and
     the angle that it rolled on the ground. It grows with the square root of the angle."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.scenario.schema import Scenario
+from groundlink.scenario.vehicle import EFFECTS, VehicleModel
 from groundlink.world import terrain
 from groundlink.world.actors import CrateForm, DoorForm, Form, PartsForm, PersonForm
 from groundlink.world.bounds import Bounds, bounds
@@ -111,16 +112,26 @@ def world_hash(scenario: Scenario) -> str:
     """Return the SHA-256, in hexadecimal, of everything that physics and sensors must agree on.
 
     Hashes the built solids, actors, terrain, materials, and each vehicle's model by name, as
-    canonical MessagePack. Terrain and meshes count by the digests of their assets.
+    canonical MessagePack. Terrain and meshes count by the digests of their assets. Effects of
+    vehicles and the ground's roughness do not count: only physics reads them.
     """
     content = (
         solids(scenario),
         scenario.world.actors,
         scenario.world.terrain,
         scenario.world.materials,
-        {vehicle.name: vehicle.model for vehicle in scenario.vehicles},
+        {vehicle.name: _agreed(vehicle.model) for vehicle in scenario.vehicles},
     )
     return hashlib.sha256(_CANONICAL.encode(content)).hexdigest()
+
+
+_SHARED_FIELDS = [name for name in VehicleModel.__struct_fields__ if name not in EFFECTS]
+_SharedModel = msgspec.defstruct("_SharedModel", _SHARED_FIELDS)
+
+
+def _agreed(model: VehicleModel) -> msgspec.Struct:
+    """Return the part of a vehicle model that physics and sensors must agree on."""
+    return _SharedModel(*(getattr(model, name) for name in _SHARED_FIELDS))
 
 
 def _check_materials(scenario: Scenario) -> None:
@@ -146,6 +157,9 @@ def material_uses(scenario: Scenario) -> Iterator[tuple[Path, str]]:
         for field in thing.__struct_fields__:
             if field.endswith("material"):
                 yield ("world", "outdoors", i, field), getattr(thing, field)
+    if isinstance(world.roughness, dict):
+        for material in world.roughness:
+            yield ("world", "roughness", material), material
     for i, solid in enumerate(world.solids):
         yield ("world", "solids", i, "material"), solid.material
     for i, actor in enumerate(world.actors):

@@ -20,9 +20,9 @@ from groundlink.core.frames import (
     multiply,
 )
 from groundlink.scenario.additions import SolidGroup
-from groundlink.scenario.schema import Category, Scenario
+from groundlink.scenario.schema import Scenario
 from groundlink.scenario.vehicle import VehicleModel
-from groundlink.world.actors import Actor, FreeMotion, PersonForm
+from groundlink.world.actors import Actor, Category, FreeMotion, PersonForm
 from groundlink.world.bounds import bounds
 from groundlink.world.objects.indoor_objects import build_furniture, build_room
 from groundlink.world.objects.outdoor_objects import build_outdoor_object

@@ -163,7 +163,8 @@ def _numbered(kinds: set[str]) -> dict[str, int]:
     own = sorted(kinds - numbers.keys())
     if FIRST_OF_WORLD + len(own) > MOST_CLASSES:
         raise UserError(
-            f"`labels`: the world has {len(own)} classes of its own; expected up to "
-            f"{MOST_CLASSES - FIRST_OF_WORLD}. Fix: give objects a common tag in `world.entities`"
+            f"`labels`: too many classes: the objects of this world have {len(own)} that are not "
+            f"predefined; expected up to {MOST_CLASSES - FIRST_OF_WORLD}. Fix: give objects a "
+            "common tag in `world.entities`"
         )
     return numbers | {kind: number for number, kind in enumerate(own, FIRST_OF_WORLD)}

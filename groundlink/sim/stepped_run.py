@@ -9,7 +9,7 @@ import os
 import threading
 import time
 import warnings
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -29,13 +29,19 @@ from groundlink.bus.core_topics import ACK, CLOCK, COMMAND, GATEWAY, HEALTH, PHY
 from groundlink.bus.fault_client import send_fault
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import GROUND_TRUTH, VITALS, sensor_outputs
-from groundlink.core.atomic_file import check_new_file
+from groundlink.bus.topics import vehicle_streams
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS
 from groundlink.core.errors import RunFailed, UserError
 from groundlink.episode import journal
 from groundlink.episode.control import Remove, Reset, Spawn
-from groundlink.episode.world_queries import AnyWorldQuery, RemoveQuery, SpawnQuery
+from groundlink.episode.world_queries import (
+    AnyWorldQuery,
+    LoadWorldQuery,
+    RemoveQuery,
+    ResetQuery,
+    SpawnQuery,
+    UnloadWorldQuery,
+)
 from groundlink.loader import load
 from groundlink.loader.additions import SpawnPlace, addition_to
 from groundlink.messages.base import Ack, BusMessage, Clock, Command
@@ -56,8 +62,8 @@ STEP_SECONDS = 60.0
 RESTORED_SECONDS = 5.0
 """Sim time that a start from a saved run restores in a second at least."""
 
-RECORDER_SECONDS = 5.0
-"""Timeout for the recorder to take the last messages."""
+RECORDER_SECONDS = 60.0
+"""Timeout for the recorder to take all messages up to the last step, and to complete its file."""
 
 LINES_KEPT = 20
 INBOX_DEPTH = 1 << 16
@@ -114,25 +120,17 @@ class SteppedRun:
 
         self._episode, self._tick, self._epoch_nanos = -1, -1, 0
         self._latest: dict[str, BusMessage] = {}
-        self._acknowledged: dict[str, tuple[int, int]] = {}
+        self._acks: defaultdict[str, Ack] = defaultdict(lambda: Ack(-1, -1, -1))
         self._commanded: dict[str, int] = {}
         self._publishers: dict[str, Callable[[BusMessage], bytes]] = {}
         self._inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_DEPTH)
         self._lines: deque[str] = deque(maxlen=LINES_KEPT)
-        processes = process_commands.commands(
-            self.scenario,
-            str(scenario),
-            self.name,
-            self.endpoint,
+        processes = process_commands.stepped(
+            *(self.scenario, str(scenario), self.name, self.endpoint),
+            mode=mode,
             sensors_together=sensors_together,
+            record=None if record is None else Path(record),
         )
-        del processes[GATEWAY]
-        processes[PHYSICS] += ["--mode", mode, "--lockstep", "ros"]
-        if record is not None:
-            check_new_file("record", Path(record))
-            recorder = process_commands.recorder(str(record), self.name, self.endpoint)
-            processes[RECORDER] = [*recorder, "--ordered"]
-            processes[PHYSICS] += ["--wait-for", RECORDER]
         self._supervisor = Supervisor(processes, self._log)
         with ExitStack() as opened:
             self._bus = opened.enter_context(Bus(listen=self.endpoint))
@@ -244,6 +242,7 @@ class SteppedRun:
     def reset(self) -> None:
         """Start again from the initial state, at sim time zero."""
         before = self._episode
+        self._wait_recorded()
         send_command(self._bus, self.name, Reset())
         self._wait(0, START_SECONDS, after_episode=before)
 
@@ -301,13 +300,19 @@ class SteppedRun:
         Parameters
         ----------
         query
-            an object of `groundlink.episode.world_queries`, but for `ResetQuery`: use `reset`.
+            an object of `groundlink.episode.world_queries`, but for those that may begin another
+            episode: resets, for which there is `reset`, and loading and unloading a world.
 
         Raises
         ------
         UserError
             when it cannot be answered; nothing is changed then.
         """
+        if isinstance(query, ResetQuery | LoadWorldQuery | UnloadWorldQuery):
+            raise UserError(
+                f"ask: a stepped run takes no {type(query).__name__}. Fix: call `reset()`, or "
+                "start another run for another world"
+            )
         answer: dict[str, Any] = msgspec.json.decode(
             ask_world(self._bus, self.name, msgspec.json.encode(query))
         )
@@ -370,6 +375,7 @@ class SteppedRun:
         content = journal.read(Path(file))
         saved = journal.loaded(content, str(file))
         before = self._episode
+        self._wait_recorded()
         for _ in restoring(self._bus, self.name, content):
             pass
         self._wait_restored(saved, START_SECONDS, after_episode=before)
@@ -382,12 +388,16 @@ class SteppedRun:
         """Take the messages of a scenario's sensors and vehicles, and command those vehicles."""
         self.scenario = scenario
         self._sensors = scenario.sensor_names()
-        self._types: dict[str, type[BusMessage]] = dict(self._rows())
+        of_vehicles = dict(vehicle_streams(scenario, self.name))
+        acks = (ACK.key_in(self.name, process=name) for name in (*self._sensors, RECORDER))
+        self._types: dict[str, type[BusMessage]] = {
+            CLOCK.key_in(self.name): Clock,
+            **dict.fromkeys(acks, Ack),
+            **of_vehicles,
+        }
         prefix = f"{ROOT}/{self.name}/"
         self.streams: Mapping[str, type[BusMessage]] = {
-            key.removeprefix(prefix): message
-            for key, message in self._types.items()
-            if message not in (Ack, Clock)
+            key.removeprefix(prefix): message for key, message in of_vehicles.items()
         }
         """Type of the messages of each stream that `latest` knows."""
 
@@ -416,25 +426,27 @@ class SteppedRun:
 
     def _end_recording(self) -> None:
         """Let the recorder take all messages and complete its file while physics is running."""
+        self._wait_recorded()
+        if self._supervisor.stop([RECORDER], seconds=RECORDER_SECONDS):
+            warnings.warn("recording: incomplete; its file took too long to write", stacklevel=2)
+
+    def _wait_recorded(self) -> None:
+        """Wait until the recorder, if there is one, has all messages up to the last step."""
+        if RECORDER not in self._supervisor.children:
+            return
+        # Says that all commands have been sent, and does not let physics step.
+        barrier = self._last_barrier(self._tick)
+        self._acknowledge(Ack(self._episode, barrier - 1, self._tick))
         deadline = time.monotonic() + RECORDER_SECONDS
-        wanted = self._episode, self._tick
-        while self._acknowledged.get(RECORDER, (-1, -1)) < wanted and time.monotonic() < deadline:
+        while (ack := self._acks[RECORDER]).settled_tick < barrier or ack.episode != self._episode:
             if arrived := self._inbox.get(seconds=0.05):
                 self._take(*arrived)
-        self._supervisor.stop([RECORDER])
-
-    def _rows(self) -> Any:
-        """Yield key and type of each message that the program takes."""
-        yield CLOCK.key_in(self.name), CLOCK.message
-        for name in (*self._sensors, RECORDER):
-            yield ACK.key_in(self.name, process=name), ACK.message
-        for vehicle in self.scenario.vehicles:
-            for row in (GROUND_TRUTH, VITALS):
-                yield row.key_in(self.name, vehicle=vehicle.name), row.message
-            for sensor in vehicle.sensors:
-                for output in sensor_outputs(sensor):
-                    key = output.row.key_in(self.name, vehicle=vehicle.name, sensor=sensor.name)
-                    yield key, output.row.message
+                continue
+            ended = ", ".join(self._supervisor.not_running())
+            if ended or time.monotonic() > deadline:
+                cause = f"{ended} ended" if ended else f"not taken within {RECORDER_SECONDS:g} s"
+                warnings.warn(f"recording: last messages may be missing: {cause}", stacklevel=3)
+                return
 
     def _type_of(self, key: str) -> type[BusMessage] | None:
         return self._types.get(key)
@@ -469,9 +481,8 @@ class SteppedRun:
 
     def _behind(self, tick: int) -> list[str]:
         """Return the sensors that have not acknowledged a tick of this episode."""
-        reached = self._acknowledged
-        wanted = self._episode, tick
-        return [n for n in self._sensors if reached.get(n, (-1, -1)) < wanted]
+        acks = ((name, self._acks[name]) for name in self._sensors)
+        return [n for n, ack in acks if (ack.episode, ack.tick) < (self._episode, tick)]
 
     def _take(self, key: str, message: BusMessage) -> None:
         key = key.removeprefix(f"{ROOT}/{self.name}/")
@@ -482,6 +493,6 @@ class SteppedRun:
             self._episode, self._tick = message.episode, message.tick
             self._epoch_nanos = message.epoch_nanos
         elif isinstance(message, Ack):
-            self._acknowledged[key.removeprefix("ack/")] = message.episode, message.tick
+            self._acks[key.removeprefix("ack/")] = message
         else:
             self._latest[key] = message

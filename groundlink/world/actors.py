@@ -7,7 +7,7 @@ An actor's form is a set of solids in a frame whose z axis points up; its motion
 
 import re
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Literal
 
 from msgspec import Meta
 from msgspec.structs import replace
@@ -21,6 +21,24 @@ MAX_PARTS = 16
 
 ActorName = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*$")]
 Point = tuple[float, float]
+
+
+Category = Literal["object", "robot", "human", "dynamic_object", "static_object"]
+"""Major categories of entities, as simulation_interfaces has them."""
+
+
+class EntityDescription(Spec, frozen=True, kw_only=True):
+    """What tools are told about an entity."""
+
+    category: Category | None = None
+    """Category; none: vehicles are robots, persons humans, other actors dynamic objects, and
+    everything else static objects."""
+
+    description: str = ""
+    """Description for people."""
+
+    tags: tuple[str, ...] = ()
+    """Tags by which tools select entities."""
 
 
 class PartsForm(Spec, frozen=True, tag_field="kind", tag="parts", kw_only=True):

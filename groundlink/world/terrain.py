@@ -17,7 +17,7 @@ larger fields without an error.
 from dataclasses import dataclass
 from functools import lru_cache
 from io import BytesIO
-from typing import Annotated, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from msgspec import Meta
@@ -35,6 +35,10 @@ HEAD_BYTES = 256
 
 BODY = "terrain"
 """The name of the terrain among bodies."""
+
+
+RoughnessClass = Literal["A", "B", "C", "D", "E", "F", "G", "H"]
+"""Class of a road by ISO 8608, from smooth to rough."""
 
 
 class Terrain(Spec, frozen=True, kw_only=True):

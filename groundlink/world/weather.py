@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Weather and light of a world: fog, rain, dust; sun or lamps. Only cameras see light."""
+"""Weather and light of a world: fog, rain, dust, heat; sun or lamps. Only cameras see light."""
 
 from typing import Annotated
 
@@ -33,6 +33,15 @@ class Weather(Spec, frozen=True, kw_only=True):
 
     dust: tuple[Dust, ...] = ()
     """Local boxes of dust or smoke."""
+
+    temperature_c: float | None = None
+    """Temperature of the air, at which IMUs drift as their data sheets say. None: they stay at the
+    temperature of their calibration."""
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether beams meet neither fog nor rain nor dust."""
+        return self.fog_visibility_m is None and not self.rain_mm_per_h and not self.dust
 
 
 class Sun(Spec, frozen=True, tag_field="kind", tag="sun"):

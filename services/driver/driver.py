@@ -6,12 +6,13 @@ that runs are reproducible; see `DRIVER_WINDOW_TICKS`. In real time, late comman
 """
 
 from collections.abc import Callable
-from math import atan2, ceil
+from math import ceil
 
 import msgspec
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS, exact
+from groundlink.core.quaternions import heading_rad
 from groundlink.messages.base import Ack, BadBusMessage, Command, State
 from groundlink.scenario.route import COMMAND_AHEAD_TICKS, DRIVER_PERIOD_TICKS
 
@@ -127,7 +128,7 @@ class Driver:
         if vehicle is None or not len(vehicle.link_poses):
             raise BadBusMessage(f"the state lacks `{self._vehicle}`")
         x, y, _, qx, qy, qz, qw = vehicle.poses()[0].tolist()
-        yaw = atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
+        yaw = heading_rad((qx, qy, qz, qw))
         if self._follower is None:
             self._start, self._start_tick = (x, y, yaw), state.tick
             self._follower = self._make_follower(x, y, yaw)

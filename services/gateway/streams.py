@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from functools import partial
 
 from groundlink.messages.base import BadBusMessage, BusMessage
-from groundlink.messages.ground_truth import TruePoints
 from groundlink.ros.cdr import CODECS, ROS_CODECS, Body, Reader, reader
-from groundlink.ros.message_sizes import body_bytes
+from groundlink.ros.message_sizes import BESIDE_CLOUDS, body_bytes
 from groundlink.ros.streams import Outgoing, incoming
 from groundlink.scenario import Scenario
 from groundlink.scenario.every_sensor import RepairBy
@@ -46,10 +45,11 @@ def queue_limits(streams: Iterable[Outgoing]) -> dict[tuple[int, str], int]:
     These are the bytes of a revolution, so a block waits no longer than a whole cloud would.
     """
     table = {}
+    beside: dict[type[BusMessage], str] = {kind: name for name, (kind, _) in BESIDE_CLOUDS.items()}
     for stream in streams:
         if stream.in_blocks is not None:
             vehicle, lidar = stream.in_blocks
-            block_bytes = body_bytes(vehicle, lidar, truth=stream.message is TruePoints)
+            block_bytes = body_bytes(vehicle, lidar, beside.get(stream.message, ""))
             whole = lidar.blocks_per_revolution * block_bytes
             table[wire_type(stream.message), stream.topic] = whole
     return table

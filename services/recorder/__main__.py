@@ -22,6 +22,9 @@ with process_needs(NAME, "record"):
 JOURNAL_SECONDS = 0.5
 """Timeout for the journal; nothing is recorded while the recorder waits for it."""
 
+ORDERED_JOURNAL_SECONDS = 30.0
+"""The same for an ordered recording: the run waits for the recorder meanwhile."""
+
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
     """Record until `stop` is set or the duration is over."""
@@ -46,8 +49,10 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         run, scenario = join(bus, options.run, stop)
         report_missing_kinds("recorder", scenario)
 
+        seconds = ORDERED_JOURNAL_SECONDS if options.ordered else JOURNAL_SECONDS
+
         def journal(part: str) -> bytes:
-            return b"".join(bus.query(journal_key(run), part, seconds=JOURNAL_SECONDS).values())
+            return b"".join(bus.query(journal_key(run), part, seconds=seconds).values())
 
         files_type = OrderedMcapFiles if options.ordered else McapFiles
         files = files_type(options.out, scenario, run, journal)

@@ -8,19 +8,30 @@ dropped, since restarted sensors repeat readings.
 """
 
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 from types import MappingProxyType
 from typing import Protocol
 
-from groundlink.bus.topics import STREAM_TOPICS, sensor_outputs
+from groundlink.bus.core_topics import GATEWAY, PHYSICS
+from groundlink.bus.topics import STREAM_TOPICS, driver_name, sensor_outputs
 from groundlink.core.clock import NANOS, TICK_NANOS, Schedule, exact
-from groundlink.messages.base import Ack, BadBusMessage, BusMessage, Clock, Health, measured_nanos
+from groundlink.messages.base import (
+    Ack,
+    BadBusMessage,
+    BusMessage,
+    Clock,
+    Health,
+    State,
+    measured_nanos,
+)
 from groundlink.ros.base import Bases, is_latched
 from groundlink.ros.cdr import ros_type_of, to_cdr
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
 from groundlink.ros.streams import RosStream, incoming, outgoing, recorded_only
 from groundlink.scenario import Scenario
+from groundlink.scenario.route import DRIVER_PERIOD_TICKS
 
 DIAGNOSTICS_NANOS = NANOS
 """Simulation time between two diagnostics messages."""
@@ -60,6 +71,30 @@ class RecordingFile(Protocol):
         """Close it in the state of the last commit."""
 
 
+@dataclass(frozen=True)
+class Participant:
+    """A process that acknowledges a tick after all messages that it sends up to that tick."""
+
+    vehicle: str | None = None
+    """The vehicle that it belongs to. It acknowledges nothing more once the vehicle is removed."""
+
+    silent_ticks: int = 0
+    """Ticks after an acknowledged tick in which it sends nothing."""
+
+
+def participants(scenario: Scenario) -> dict[str, Participant]:
+    """Return the processes that send what a recording has, by name."""
+    found = {PHYSICS: Participant()}
+    for vehicle in scenario.vehicles:
+        for sensor in vehicle.sensors:
+            found[f"{vehicle.name}/{sensor.name}"] = Participant(vehicle.name)
+        if vehicle.route is not None:
+            found[driver_name(vehicle)] = Participant(vehicle.name, DRIVER_PERIOD_TICKS - 1)
+    if scenario.time.lockstep == "ros":
+        found[GATEWAY] = Participant()
+    return found
+
+
 class Recorder:
     """Writes a run.
 
@@ -74,7 +109,7 @@ class Recorder:
     absent
         sensors, as `vehicle/sensor`, that do not run.
     acknowledging
-        sensors, as `vehicle/sensor`, whose acknowledgements are passed to `acknowledged`.
+        processes whose acknowledgements are passed to `acknowledged`, by name.
     dropped
         by key: messages that arrived faster than they could be taken; it is updated outside.
     """
@@ -88,7 +123,7 @@ class Recorder:
         duration_nanos: int | None = None,
         early: Iterable[tuple[str, BusMessage]] = (),
         absent: Collection[str] = (),
-        acknowledging: Collection[str] = (),
+        acknowledging: Mapping[str, Participant] = MappingProxyType({}),
         dropped: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
         self._scenario = scenario
@@ -132,7 +167,11 @@ class Recorder:
         self._reached: dict[str, int] = {}
         """By stream: the stamp of the newest message."""
 
-        self._settled_ticks = dict.fromkeys(acknowledging, -1)
+        self._participants = acknowledging
+        self._acks = dict.fromkeys(acknowledging, Ack(-1, -1, -1))
+        self._vehicles: Collection[str] | None = None
+        """Vehicles of the newest state."""
+
         self._committed = 0
         self._first_nanos = 0
         self._next_diagnostics_nanos = 0
@@ -206,10 +245,41 @@ class Recorder:
         """Keep a health message for the next diagnostics."""
         self._health[health.process] = health
 
-    def acknowledged(self, sensor: str, ack: Ack) -> None:
-        """Record a sensor's progress."""
-        if sensor in self._settled_ticks and self.clock and ack.episode == self.clock.episode:
-            self._settled_ticks[sensor] = ack.settled_tick
+    def take_state(self, state: State) -> None:
+        """Record how far physics has come: it publishes all else of a tick before the state."""
+        self._vehicles = state.vehicles.keys()
+        self.acknowledged(PHYSICS, Ack(state.episode, state.tick, state.tick))
+
+    def acknowledged(self, process: str, ack: Ack) -> None:
+        """Record how far a process has come; its messages up to there were taken before."""
+        if process in self._acks and self.clock and ack.episode == self.clock.episode:
+            self._acks[process] = ack
+
+    def _present(self) -> Iterator[tuple[Participant, Ack]]:
+        """Yield each participant, but those of removed vehicles, with its acknowledgement."""
+        for name, participant in self._participants.items():
+            vehicle = participant.vehicle
+            if vehicle is None or self._vehicles is None or vehicle in self._vehicles:
+                yield participant, self._acks[name]
+
+    def taken_tick(self, episode: int, tick: int) -> int:
+        """Return the tick up to which all messages have been taken; -1 for none.
+
+        Of each process these are the messages that it could send by then: a LiDAR has begun a
+        revolution, but sends it only at its end.
+
+        Parameters
+        ----------
+        tick
+            newest tick of the episode.
+        """
+        reached = [
+            max(ack.tick, ack.settled_tick) + participant.silent_ticks
+            for participant, ack in self._present()
+        ]
+        if reached and (self.clock is None or self.clock.episode != episode):
+            return -1
+        return min((tick, *reached))
 
     def is_another_episode(self, message: BusMessage) -> bool:
         """Return whether a message is a clock of another episode."""
@@ -227,7 +297,10 @@ class Recorder:
         if self.clock is None or self.clock.stamp_nanos < nanos:
             return False
         tick = (nanos - self.clock.epoch_nanos) / TICK_NANOS
-        return all(settled >= tick for settled in self._settled_ticks.values()) and all(
+        return all(
+            ack.settled_tick + participant.silent_ticks >= tick
+            for participant, ack in self._present()
+        ) and all(
             self._reached.get(key, 0) + period_nanos >= nanos
             for key, period_nanos in self._period_nanos.items()
         )

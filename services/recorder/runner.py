@@ -9,7 +9,7 @@ import time
 from collections.abc import Collection, Iterable
 from typing import Protocol
 
-from groundlink.bus.core_topics import ACK, HEALTH, RECORDER
+from groundlink.bus.core_topics import ACK, HEALTH, RECORDER, ROOT, STATE
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import history_key
 from groundlink.bus.session import Bus
@@ -19,7 +19,7 @@ from groundlink.process.joining import Heartbeat
 from groundlink.ros.streams import incoming, outgoing, recorded_only
 from groundlink.scenario import Scenario
 
-from .recorder import Recorder, RecordingFile
+from .recorder import Recorder, RecordingFile, participants
 
 NAME = RECORDER
 
@@ -55,7 +55,8 @@ class BusRecorder:
         sensors that do not run: the recorder acknowledges in their place.
     ordered
         whether the files have an order that does not depend on arrival. The recorder then takes
-        acknowledgements of sensors, and no health, which depends on the machine.
+        acknowledgements of all processes, whose order among other messages tells what has come,
+        and no health, which depends on the machine.
     """
 
     def __init__(
@@ -70,7 +71,8 @@ class BusRecorder:
         ordered: bool = False,
     ) -> None:
         self._bus, self._scenario, self._run, self._files = bus, scenario, run, files
-        self._duration_nanos, self._absent, self._ordered = duration_nanos, absent, ordered
+        self._duration_nanos, self._absent = duration_nanos, absent
+        self._participants = participants(scenario) if ordered else {}
         self._inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_MESSAGES)
         self._recorder = self._new_recorder()
         streams = (
@@ -78,15 +80,21 @@ class BusRecorder:
             *recorded_only(scenario, run),
             *incoming(scenario, run),
         )
-        for stream in streams:
-            bus.subscribe(stream.key, stream.message, self._inbox)
-        row = ACK if ordered else HEALTH
-        bus.subscribe(row.key_in(run), row.message, self._inbox)
+        if ordered:
+            types: dict[str, type[BusMessage]] = {s.key: s.message for s in streams}
+            types[STATE.key_in(run)] = State
+            types |= {ACK.key_in(run, process=name): Ack for name in self._participants}
+            bus.subscribe_in_order(f"{ROOT}/{run}/**", types.get, self._inbox)
+        else:
+            for stream in streams:
+                bus.subscribe(stream.key, stream.message, self._inbox)
+            bus.subscribe(HEALTH.key_in(run), HEALTH.message, self._inbox)
         self._ack_prefix = ACK.key_in(run, process="")
         self._heartbeat = Heartbeat(bus, run, NAME)
         self._publishers = [
             bus.publisher(ACK.key_in(run, process=name), ACK.delivery) for name in (NAME, *absent)
         ]
+        self._acknowledged = Ack(-1, -1, -1)
         self._acknowledge_history()
         self._backoff = Backoff(time.monotonic())
 
@@ -101,6 +109,7 @@ class BusRecorder:
                     if (arrived := self._inbox.get(seconds=0)) is None:
                         break
                     self._take(*arrived)
+                self._acknowledge_taken()
                 is_fast = self._scenario.time.mode != "realtime"
                 if is_fast and self._backoff.is_due(time.monotonic()):
                     self._acknowledge_history()  # acknowledgements may be lost on the bus
@@ -119,7 +128,7 @@ class BusRecorder:
             duration_nanos=self._duration_nanos,
             early=early,
             absent=self._absent,
-            acknowledging=self._scenario.sensor_names() if self._ordered else (),
+            acknowledging=self._participants,
             dropped=self._inbox.dropped_of,
         )
 
@@ -130,6 +139,9 @@ class BusRecorder:
         if isinstance(message, Ack):
             self._recorder.acknowledged(key.removeprefix(self._ack_prefix), message)
             return
+        if isinstance(message, State):
+            self._recorder.take_state(message)
+            return
         if self._recorder.is_another_episode(message):
             self._files.finish(self._recorder)
             self._recorder = self._new_recorder(self._recorder.early)
@@ -139,8 +151,16 @@ class BusRecorder:
             self._backoff.reset(time.monotonic())
 
     def _acknowledge(self, episode: int, tick: int) -> None:
+        self._acknowledged = Ack(episode, tick, self._recorder.taken_tick(episode, tick))
         for publish in self._publishers:
-            publish(Ack(episode, tick, tick))
+            publish(self._acknowledged)
+
+    def _acknowledge_taken(self) -> None:
+        """Acknowledge the newest clock again if more messages up to it have been taken."""
+        if (clock := self._recorder.clock) is not None:
+            taken = self._recorder.taken_tick(clock.episode, clock.tick)
+            if taken > self._acknowledged.settled_tick:
+                self._acknowledge(clock.episode, clock.tick)
 
     def _acknowledge_history(self) -> None:
         """Acknowledge the newest tick of physics, which waits for this to begin or to continue."""

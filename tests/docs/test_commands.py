@@ -15,7 +15,10 @@ from groundlink.cli.commands import parser
 
 from .blocks import DOCS, ROOT, blocks
 
-FOLDERS = (DOCS, *(ROOT / name for name in ("deploy", "examples", "ros", "udp-bridge")))
+FOLDERS = (
+    DOCS,
+    *(ROOT / name for name in ("conformance", "deploy", "examples", "ros", "udp-bridge")),
+)
 PAGES = sorted(
     {*ROOT.glob("*.md"), *(page for folder in FOLDERS for page in folder.rglob("*.md"))}
     - {ROOT / "CHANGELOG.md", DOCS / "reference" / "commands.md"}

@@ -79,7 +79,7 @@ def scan(pose: np.ndarray[Any, Any], room: Any, navigation: Any) -> Any:
 
 
 def test_scans_correct_the_first_pose_and_the_odometry(navigation: Any, room: Any) -> None:
-    """Odometry turns by 2 % too much and has another origin; one ray in four hits a stranger."""
+    """Odometry turns 2 % too much, from another origin; unknown obstacles stop one ray in four."""
     localizer = navigation.localization.Localizer(room, np.array([1.25, 0.8, 0.15]))
     rng = np.random.default_rng(3)
     errors = []

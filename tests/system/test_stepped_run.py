@@ -18,7 +18,7 @@ from groundlink.bus.queries import world_query_key
 from groundlink.core.clock import TICK_RATE_HZ
 from groundlink.core.errors import RunFailed, UserError
 from groundlink.episode.journal import dumped, loaded
-from groundlink.episode.world_queries import EntitiesQuery
+from groundlink.episode.world_queries import EntitiesQuery, UnloadWorldQuery
 from groundlink.messages.base import Imu, PointCloud
 from groundlink.scenario.faults import Bias, OccludedSector, Off, Stuck
 from groundlink.sim.stepped_run import SteppedRun
@@ -132,6 +132,8 @@ def test_a_spawned_vehicle_drives_until_it_is_removed(sim: SteppedRun) -> None:
     assert box["position_m"] == pytest.approx([-3.0, 0.0, 0.25])
     with pytest.raises(UserError, match="no entity `bax`"):
         sim.ask(EntitiesQuery("bax"))
+    with pytest.raises(UserError, match="takes no UnloadWorldQuery"):
+        sim.ask(UnloadWorldQuery())
     assert sim.latest("second/ground_truth") is None
     sim.step(0.1)
     sim.command("second", 0.5, 0.0)

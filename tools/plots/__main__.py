@@ -12,7 +12,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from . import cameras, inertial, ranging, vehicles, wheels
+from . import cameras, inertial, ranging, satellites, vehicles, wheels
 from .page_style import save, styled
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "pictures" / "models"
@@ -23,6 +23,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "depth_noise": cameras.depth_noise,
     "encoders": wheels.encoders,
     "gnss_error": inertial.gnss_error,
+    "gnss_sky": satellites.gnss_sky,
     "imu_allan": inertial.imu_allan,
     "imu_filter": inertial.imu_filter,
     "lidar_light": ranging.lidar_light,

@@ -21,6 +21,7 @@ from services.sensors.rays.scene import Hits
 from services.sensors.scanning.beams import Rays
 from services.sensors.scanning.draws import RevolutionDraws
 from services.sensors.scanning.returns import LidarReceiver, Returns
+from services.sensors.scanning.stray_light import StrayLight
 from services.sensors.scanning.sweep import Sweep
 from services.sensors.scanning.weather import atmosphere_of
 
@@ -69,11 +70,13 @@ def _received(
     hits = Hits(ranges, normals, np.zeros(shape, np.int32), np.full(shape, -1, np.int32))
     rays = Rays(np.zeros_like(directions), directions, np.zeros(shape, np.float32))
     streams = RandomStreams(1, "cart/lidar")
+    sweep = Sweep(spec)
     receiver = LidarReceiver(
         spec,
-        Sweep(spec),
+        sweep,
         np.array([reflectivity], np.float32),
         atmosphere_of(spec, weather or Weather()),
+        StrayLight(spec, sweep.rings),
         streams,
         RevolutionDraws(streams),
     )

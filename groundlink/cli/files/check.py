@@ -141,15 +141,19 @@ def _route(vehicle: Vehicle, route: Route) -> dict[str, Any]:
 
 
 def _sensor(scenario: Scenario, vehicle: Vehicle, sensor: SensorSpec) -> dict[str, Any]:
-    has_truth = sensor.truth_topic is not None
+    topics = sensor.ros_topics()
+    beside = {
+        key: _size(scenario, vehicle, sensor, stream) if stream in topics else None
+        for key, stream in (("largest_truth", "truth"), ("largest_labels", "labeled_points"))
+    }
     return {
         "name": f"{vehicle.name}/{sensor.name}",
         "kind": sensor.kind,
-        "topics": list(sensor.ros_topics().values()),
+        "topics": list(topics.values()),
         "rate_hz": sensor.message_rate_hz,
         "largest_message": _size(scenario, vehicle, sensor),
         "faults": [str(fault) for fault in sensor.faults],
-        "largest_truth": _size(scenario, vehicle, sensor, truth=True) if has_truth else None,
+        **beside,
     }
 
 
@@ -179,6 +183,8 @@ def _lines(content: dict[str, Any]) -> Iterator[str]:
             yield from _indented(f"fault {fault}" for fault in sensor["faults"])
             if truth := sensor["largest_truth"]:
                 yield from _indented(["ground truth:", *_size_lines(truth)])
+            if labels := sensor["largest_labels"]:
+                yield from _indented(["labeled points:", *_size_lines(labels)])
         for stream in vehicle["streams"]:
             yield f"stream   {_stream_text(stream)}"
         for truth in vehicle["truth"]:
@@ -216,11 +222,11 @@ def _warn(line: str) -> None:
 
 
 def _size(
-    scenario: Scenario, vehicle: Vehicle, sensor: SensorSpec, *, truth: bool = False
+    scenario: Scenario, vehicle: Vehicle, sensor: SensorSpec, stream: str = ""
 ) -> dict[str, Any]:
     """Return the size of a sensor's largest message in datagrams, with a fix if it is too large."""
     try:
-        found = cut(vehicle, sensor, scenario.gateway, truth=truth)
+        found = cut(vehicle, sensor, scenario.gateway, stream)
     except NeverFits as error:
         fix = _fix(vehicle, sensor, scenario, "Fix: make its messages smaller")
         raise UserError(f"{vehicle.name}/{sensor.name}: {error}. {fix}") from None

@@ -32,7 +32,7 @@ def add_parser(subparsers: Subparsers) -> None:
         "--out", type=Path, required=True, metavar="FOLDER", help="new or empty folder to write"
     )
     for name, form in FORMATS.items():
-        parser.add_argument(f"--{name}", action="store_true", help=form.what)
+        parser.add_argument(f"--{name}", dest=name, action="store_true", help=form.what)
     parser.add_argument(
         "--topic",
         action="append",

@@ -3,6 +3,7 @@
 
 Starts physics with the journal of the recording, the recorded sensors, and a recorder that compares
 instead of writing. Differences of the setup are printed before the run, of the messages after it.
+With `--ros`, a scenario with a ROS stack is run twice instead (`verify_ros`).
 """
 
 from __future__ import annotations
@@ -10,9 +11,9 @@ from __future__ import annotations
 import argparse
 import os
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 from rich.console import Console
@@ -24,11 +25,14 @@ from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.episode import journal as journals
 from groundlink.messages.base import Health
 from groundlink.monitor import process_commands
 from groundlink.scenario import Scenario
+
+from .verify_ros import RosStack, verify_ros
 
 if TYPE_CHECKING:
     from groundlink.recording.comparison import TopicComparison
@@ -36,18 +40,76 @@ if TYPE_CHECKING:
 FOLLOWED, VERDICT = "run.journal", "verdict.json"
 """Files exchanged with the started processes."""
 
+SECONDS, LIMIT_SECONDS = 10.0, 60.0
+"""Of a run with ROS, by default: sim time, and wall time for which that may stand still."""
+
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
-    parser = subparsers.add_parser("verify", help="repeat a recorded run and compare byte for byte")
-    parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="recording to read")
-    parser.add_argument("scenario", help=running.SCENARIO_HELP)
+    parser = subparsers.add_parser(
+        "verify",
+        help="repeat a recorded run and compare byte for byte",
+        usage="%(prog)s [-h] [--json] RUN.mcap SCENARIO\n"
+        "       %(prog)s [--json] [--duration S] [--limit S] --ros SCENARIO -- COMMAND...",
+    )
+    recording = parser.add_argument(
+        "recording", type=Path, metavar="RUN.mcap", help="recording to read"
+    )
+    scenario = parser.add_argument("scenario", help=running.SCENARIO_HELP)
     add_json_option(parser)
+    parser.add_argument(
+        "--duration",
+        type=float,
+        default=SECONDS,
+        metavar="S",
+        help="with --ros: sim time to compare (default %(default)g s)",
+    )
+    parser.add_argument(
+        "--limit",
+        type=float,
+        default=LIMIT_SECONDS,
+        metavar="S",
+        help="with --ros: end a run whose sim time stands still for this wall time (default "
+        "%(default)g s)",
+    )
+    parser.add_argument(
+        "--ros",
+        action=_RosScenario,
+        positionals=(recording, scenario),
+        metavar="SCENARIO",
+        help="instead of repeating a recording, run this scenario in lockstep with ROS twice, each "
+        "time with the ROS stack that a command starts: --ros SCENARIO -- COMMAND...",
+    )
     parser.set_defaults(command=verify)
+
+
+class _RosScenario(argparse.Action):
+    """Option `--ros`: the positional arguments that follow are the words of a command."""
+
+    def __init__(self, *, positionals: Sequence[argparse.Action], **settings: Any) -> None:
+        super().__init__(**settings)
+        self._positionals = positionals
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        setattr(namespace, self.dest, values)
+        for positional in self._positionals:
+            positional.nargs, positional.required, positional.type = "*", False, str
 
 
 def verify(options: argparse.Namespace) -> int:
     """Repeat the run; return 0 if every comparable message is equal, else 1."""
+    if options.ros is not None:
+        for name in ("duration", "limit"):
+            if not getattr(options, name) > 0:
+                raise UserError(f"--{name} {getattr(options, name):g}: expected more than 0 s")
+        stack = RosStack(options.ros, options.recording, options.duration, options.limit)
+        return verify_ros(stack, as_json=options.json)
     with needs("record"):
         from groundlink.recording import missing_readings as missing
         from groundlink.recording import verifying

@@ -19,7 +19,7 @@ from groundlink.cli.terminal.json_output import add_json_option, print_json
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.episode.fault_messages import CLEAR, FaultAnswer
 from groundlink.process import runner as process
-from groundlink.scenario.faults import KINDS, Fault, FaultSpec
+from groundlink.scenario.faults import KINDS, Fault, FaultSpec, fault_from
 
 from .connection import at_tick, joined, tick_text
 
@@ -91,12 +91,9 @@ def parsed(kind: str, words: Sequence[str], seconds: float | None) -> Fault | No
         if field.required and name not in given:
             raise UserError(f"`{kind}`: parameter `{name}` is missing. Fix: add {name}=VALUE")
     try:
-        wanted: Fault = msgspec.convert({"kind": kind, **given}, Fault)
-    except msgspec.ValidationError as error:
-        problem, _, place = str(error).partition(" - at `$.")
-        at = f"`{place.strip('`')}`: " if place else ""
-        raise UserError(f"{kind}: {at}{problem[:1].lower()}{problem[1:]}") from None
-    return wanted
+        return fault_from({"kind": kind, **given})
+    except UserError as problem:
+        raise UserError(f"{kind}: {problem}") from None
 
 
 def _value(text: str) -> float | str:

@@ -84,6 +84,11 @@ class SupervisedRun:
         """Processes by name."""
         return self._supervisor.children
 
+    @property
+    def is_interrupted(self) -> bool:
+        """Whether Ctrl-C or SIGTERM came."""
+        return self._stop.is_set()
+
     def go(
         self, is_over: Callable[[], bool], picture: Callable[[], RenderableType]
     ) -> Child | None:

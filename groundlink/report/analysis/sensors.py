@@ -5,13 +5,14 @@ Memory does not grow with the run: every n-th message is kept, and one cloud of 
 """
 
 from dataclasses import dataclass, field
-from math import atan2, cos, hypot, radians, sin, sqrt
+from math import cos, hypot, radians, sin, sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from groundlink.core.frames import transform
+from groundlink.core.quaternions import heading_rad
 from groundlink.messages.base import Imu, PointCloud
 from groundlink.messages.imagery import LaserScan
 from groundlink.messages.navigation import NavSatFix, Odometry
@@ -161,7 +162,7 @@ def readings_of(sensor: SensorSpec, datum: Datum | None, middle_s: float) -> Rea
 
 def heading(turn: Any) -> float:
     """Return the yaw of a geometry_msgs/Quaternion."""
-    return atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
+    return heading_rad((turn.x, turn.y, turn.z, turn.w))
 
 
 def truth_at(truth: Floats, seconds: Floats) -> Floats:

@@ -5,7 +5,6 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import msgspec
 import yaml
 from py_trees.common import Status
 from scenario_execution.actions.base_action import BaseAction
@@ -14,7 +13,7 @@ from scenario_execution.simulation import Clock
 from groundlink.core.errors import UserError
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.episode.world_queries import SpawnQuery
-from groundlink.scenario.faults import Fault
+from groundlink.scenario.faults import Fault, fault_from
 
 from .simulation import GroundlinkSimulation
 
@@ -124,11 +123,10 @@ def parsed_fault(text: str) -> Fault:
         if it is none.
     """
     try:
-        fault: Fault = msgspec.convert(yaml.safe_load(text), Fault)
-    except (yaml.YAMLError, msgspec.ValidationError) as problem:
+        return fault_from(yaml.safe_load(text))
+    except (yaml.YAMLError, UserError) as problem:
         reason = " ".join(str(problem).split())
         raise UserError(
             f"fault: {reason}; expected a fault as in a scenario, such as "
             f"{{kind: stuck, for_s: 2}}, got `{text}`"
         ) from None
-    return fault

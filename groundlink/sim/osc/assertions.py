@@ -7,8 +7,9 @@ from typing import Any
 
 from py_trees.common import Status
 
+from groundlink.core.quaternions import heading_rad
+
 from .actions import EntityAction, OscActor
-from .driving import heading_rad
 
 
 class AssertPose(EntityAction):

@@ -6,7 +6,7 @@ from math import atan2, cos, dist, hypot, remainder, tau
 
 from py_trees.common import Status
 
-from groundlink.core.fields import Quaternion
+from groundlink.core.quaternions import heading_rad
 
 from .actions import EntityAction, OscActor
 
@@ -108,9 +108,3 @@ class WaitNear(EntityAction):
         now_m = dist(*(self.simulation.entity(n).position_m for n in (self.entity, self.other)))
         self.feedback_message = f"{now_m:.2f} m to `{self.other}`"
         return Status.SUCCESS if now_m <= self.distance_m else Status.RUNNING
-
-
-def heading_rad(orientation: Quaternion) -> float:
-    """Return the heading of an orientation: of its x axis in the plane, counterclockwise."""
-    x, y, z, w = orientation
-    return atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

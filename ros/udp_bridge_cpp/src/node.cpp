@@ -11,8 +11,8 @@
 #include <thread>
 
 #include "rclcpp_ros.hpp"
-#include "udp_bridge_cpp/bridge_node.hpp"
-#include "udp_bridge_cpp/termination.hpp"
+#include "udp_bridge_cpp/io/termination.hpp"
+#include "udp_bridge_cpp/node/bridge_node.hpp"
 
 namespace {
 
@@ -53,7 +53,7 @@ int run() {
   udp_bridge_cpp::RclcppRos ros(*node);
   udp_bridge_cpp::BridgeNode bridge(ros, settings_of(*node));
   const Spinner spinner(node);
-  while (rclcpp::ok() && !termination.came()) {
+  while (rclcpp::ok() && !termination.is_requested()) {
   }
   ros.info(bridge.close());
   return 0;
@@ -61,8 +61,8 @@ int run() {
 
 }  // namespace
 
-int main(int count, char** words) {
-  rclcpp::init(count, words, rclcpp::InitOptions(), rclcpp::SignalHandlerOptions::None);
+int main(int argc, char** argv) {
+  rclcpp::init(argc, argv, rclcpp::InitOptions(), rclcpp::SignalHandlerOptions::None);
   int code = 2;
   try {
     code = run();

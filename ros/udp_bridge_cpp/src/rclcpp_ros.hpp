@@ -20,7 +20,7 @@
 #include <string>
 #include <utility>
 
-#include "udp_bridge_cpp/ros.hpp"
+#include "udp_bridge_cpp/node/ros.hpp"
 
 namespace udp_bridge_cpp {
 
@@ -59,7 +59,7 @@ class RclcppRos : public Ros {
 
   std::unique_ptr<Publisher> advertise(const std::string& ros_type, const std::string& topic,
                                        const MessageType&, const TopicQos& qos) override {
-    require(ros_type);
+    require_type(ros_type);
     // Reliable matches reliable and best-effort subscribers alike.
     rclcpp::QoS profile{rclcpp::KeepLast(qos.depth)};
     profile.reliable();
@@ -71,31 +71,30 @@ class RclcppRos : public Ros {
   std::unique_ptr<Subscription> subscribe(const std::string& ros_type, const std::string& topic,
                                           const MessageType& row,
                                           std::function<void(RosMessage&&)> take) override {
-    require(ros_type);
-    // Best effort matches every publisher; a latched map only a latched subscription.
+    require_type(ros_type);
+    // Best effort matches every publisher. A latched map reaches a latched subscription only.
     rclcpp::QoS profile{rclcpp::KeepLast(row.qos.is_latched ? 1 : kDepth)};
     if (row.qos.is_latched) {
       profile.reliable().transient_local();
     } else {
       profile.best_effort();
     }
-    return subscribed(ros_type, topic, profile,
-                      [take = std::move(take), is_stamped = is_stamped(ros_type)](
-                          const std::shared_ptr<rclcpp::SerializedMessage>& message) {
-                        const auto& raw = message->get_rcl_serialized_message();
-                        take({Bytes(raw.buffer, raw.buffer + raw.buffer_length), is_stamped});
-                      });
+    return make_subscription(ros_type, topic, profile, std::move(take));
   }
 
   std::unique_ptr<Subscription> listen(const std::string& topic,
-                                       std::function<void()> take) override {
-    const std::string ros_type = type_of(topic);
-    if (ros_type.empty()) return nullptr;
-    rclcpp::QoS profile{rclcpp::KeepLast(kDepth)};
-    profile.best_effort();
-    return subscribed(ros_type, topic, profile,
-                      [take = std::move(take)](
-                          const std::shared_ptr<rclcpp::SerializedMessage>&) { take(); });
+                                       std::function<void(RosMessage&&)> take) override {
+    const auto found = node_.get_publishers_info_by_topic(topic);
+    if (found.empty()) return nullptr;
+    const auto& publisher = found.front();
+    // Lockstep waits for each message, so none may be lost between hosts.
+    rclcpp::QoS profile{rclcpp::KeepLast(kListeningDepth)};
+    if (publisher.qos_profile().reliability() == rclcpp::ReliabilityPolicy::Reliable) {
+      profile.reliable();
+    } else {
+      profile.best_effort();
+    }
+    return make_subscription(publisher.topic_type(), topic, profile, std::move(take));
   }
 
   std::string type_of(const std::string& topic) override {
@@ -115,8 +114,8 @@ class RclcppRos : public Ros {
   bool has_publisher(const std::string& topic) override {
     return node_.count_publishers(topic) > 0;
   }
-  bool has_subscriber(const std::string& topic) override {
-    return node_.count_subscribers(topic) > 0;
+  bool has_subscriber(const std::string& topic, bool is_own) override {
+    return node_.count_subscribers(topic) > (is_own ? 1u : 0u);
   }
 
   std::int64_t now_nanos() override { return node_.now().nanoseconds(); }
@@ -130,9 +129,10 @@ class RclcppRos : public Ros {
 
  private:
   static constexpr std::size_t kDepth = 10;
+  static constexpr std::size_t kListeningDepth = 100;
 
   /// Throw TypeNotInstalled where this host lacks a type.
-  static void require(const std::string& ros_type) {
+  static void require_type(const std::string& ros_type) {
     try {
       rclcpp::get_typesupport_library(ros_type, "rosidl_typesupport_cpp");
     } catch (const std::runtime_error& error) {
@@ -142,13 +142,16 @@ class RclcppRos : public Ros {
     }
   }
 
-  template <class Take>
-  std::unique_ptr<Subscription> subscribed(const std::string& ros_type, const std::string& topic,
-                                           const rclcpp::QoS& profile, Take&& take) {
+  std::unique_ptr<Subscription> make_subscription(const std::string& ros_type,
+                                                  const std::string& topic,
+                                                  const rclcpp::QoS& profile,
+                                                  std::function<void(RosMessage&&)> take) {
     return std::make_unique<RclcppSubscription>(node_.create_generic_subscription(
         topic, ros_type, profile,
-        [take = std::forward<Take>(take)](std::shared_ptr<rclcpp::SerializedMessage> message) {
-          take(message);
+        [take = std::move(take), is_stamped = is_stamped(ros_type)](
+            std::shared_ptr<rclcpp::SerializedMessage> message) {
+          const auto& raw = message->get_rcl_serialized_message();
+          take({Bytes(raw.buffer, raw.buffer + raw.buffer_length), is_stamped});
         }));
   }
 

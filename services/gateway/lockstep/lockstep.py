@@ -11,9 +11,12 @@ acknowledgements arrive in order in one inbox, and physics publishes its own str
 state that sensors acknowledge. `states` has the table of states and events.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+
+from msgspec import UNSET
 
 from groundlink.bus.core_topics import GATEWAY, PHYSICS
 from groundlink.bus.inbox import BusInbox
@@ -384,14 +387,23 @@ class Lockstep:
         if self._replied is None:
             return
         reply, commanded = self._replied.reply, self._clock.commanded
+        counts: Counter[str] = Counter()
         for message in self._replied.messages:
             taken = self._gateway.take(message)
             if taken is not None and isinstance(taken[1], Command):
-                commanded[taken[0].split("/")[2]] = reply.tick
+                counts[taken[0].split("/")[2]] += 1
             elif taken is not None and "/command/joints" in taken[0]:
                 vehicle = taken[0].split("/")[2]
-                commanded[f"{vehicle}/{joint_stream(taken[0])}"] = reply.tick
-        self._acknowledge(Ack(reply.episode, reply.tick, reply.tick, commanded=dict(commanded)))
+                counts[f"{vehicle}/{joint_stream(taken[0])}"] += 1
+        commanded |= dict.fromkeys(counts, reply.tick)
+        several = {name: count for name, count in counts.items() if count > 1}
+        self._acknowledge(
+            Ack(
+                *(reply.episode, reply.tick, reply.tick),
+                commanded=dict(commanded),
+                commands=several or UNSET,
+            )
+        )
 
     def _skip(self) -> None:
         barrier = self._sent.barrier

@@ -120,6 +120,9 @@ class Backend(Protocol):
     def set_friction(self, body: int, friction: float) -> None:
         """Set the friction of a body's base."""
 
+    def set_contact_spring(self, body: int, stiffness_npm: float, damping_nspm: float) -> None:
+        """Make each contact point of a body's base a spring with a damper."""
+
     def pose(self, body: int) -> Pose:
         """Return the pose of a body's base."""
 

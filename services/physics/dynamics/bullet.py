@@ -255,6 +255,9 @@ class BulletBackend:
     def set_friction(self, body: int, friction: float) -> None:
         self._change(body, BASE, lateralFriction=friction)
 
+    def set_contact_spring(self, body: int, stiffness_npm: float, damping_nspm: float) -> None:
+        self._change(body, BASE, contactStiffness=stiffness_npm, contactDamping=damping_nspm)
+
     def _change(self, body: int, link: int, **dynamics: float) -> None:
         self._bullet.changeDynamics(body, link, **dynamics)
 

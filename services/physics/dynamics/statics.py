@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from groundlink.core.frames import Floats, matrix_from_quaternion
 from groundlink.world.bounds import bounds
+from groundlink.world.roughness import Roughness, smooth
 from groundlink.world.solids import Box, Material, Mesh, Solid
 
 from .backend import GROUND, MAX_SOLIDS, OBSTACLE, Backend, Surface
@@ -30,9 +31,12 @@ LEVEL_COSINE = 0.9999
 
 @dataclass(frozen=True)
 class StaticBody:
-    """A body that stands for some solids of one friction."""
+    """A body that stands for some solids of one friction and roughness."""
 
     friction: float
+    roughness: float
+    """Heights of its roughness, in units of those of class A."""
+
     solids: Sequence[Solid]
 
 
@@ -42,6 +46,7 @@ def add_statics(
     materials: Mapping[str, Material],
     *,
     clearance_m: float,
+    roughness: Roughness = smooth,
     lowest_m: Callable[[Floats, Floats], float] = lambda low, high: 0.0,
 ) -> dict[int, StaticBody]:
     """Add solids to a backend; return what each body stands for.
@@ -50,24 +55,27 @@ def add_statics(
     ----------
     clearance_m
         solids that reach no higher above the terrain are ground.
+    roughness
+        of each material.
     lowest_m
         height of the lowest terrain beneath a box, by the box's corners.
     """
     statics: dict[int, StaticBody] = {}
-    alike: dict[tuple[object, int, float], list[Solid]] = defaultdict(list)
+    alike: dict[tuple[object, int, float, float], list[Solid]] = defaultdict(list)
     for solid in solids:
         low, high = bounds(solid)
         alone = max(high - low) >= CELL_M or isinstance(solid.shape, Mesh)
         cell = solid.name if alone else tuple((low + high) // (2 * CELL_M))
         rolled = solid.drivable or _is_ramp(solid) or high[2] - lowest_m(low, high) <= clearance_m
         group = GROUND if rolled else OBSTACLE
-        alike[cell, group, materials[solid.material].friction].append(solid)
-    for (_, group, friction), members in alike.items():
+        material = solid.material
+        alike[cell, group, materials[material].friction, roughness(material)].append(solid)
+    for (_, group, friction, rough), members in alike.items():
         for first in range(0, len(members), MAX_SOLIDS):
             some = members[first : first + MAX_SOLIDS]
             # With a restitution of 1 here, that of the chassis decides.
             body = backend.add_body(some, Surface(friction, 1.0, group))
-            statics[body] = StaticBody(friction, some)
+            statics[body] = StaticBody(friction, rough, some)
     return statics
 
 

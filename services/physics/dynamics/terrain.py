@@ -22,6 +22,7 @@ from groundlink.core.frames import Floats
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.scene.spawn_pose import collision_solids
 from groundlink.world.bounds import bounds
+from groundlink.world.roughness import Roughness, smooth
 from groundlink.world.solids import Material, Solid, Sphere
 from groundlink.world.terrain import Ground
 
@@ -71,15 +72,26 @@ class NoTerrain:
         """Return zero."""
         return 0.0
 
+    def roughness_at(self, x_m: float, y_m: float) -> float:
+        """Return zero."""
+        return 0.0
+
 
 class TerrainWindows:
     """A map and its windows."""
 
-    def __init__(self, backend: Backend, ground: Ground, materials: Mapping[str, Material]) -> None:
+    def __init__(
+        self,
+        backend: Backend,
+        ground: Ground,
+        materials: Mapping[str, Material],
+        roughness: Roughness = smooth,
+    ) -> None:
         self._backend = backend
         self.ground = ground
         self._windows: list[tuple[TerrainWindow, CarriedBody]] = []
         self._frictions = [materials[name].friction for name in ground.materials]
+        self._roughness = [roughness(name) for name in ground.materials]
         # A view of the bytes: for one cell it takes a third of an array's time.
         self._surface = ground.surface.data
         rows, columns = ground.surface.shape
@@ -116,11 +128,18 @@ class TerrainWindows:
 
     def friction_at(self, x_m: float, y_m: float) -> float:
         """Return the coefficient of friction at a point; beyond the map that of its edge."""
+        return self._frictions[self._material_at(x_m, y_m)]
+
+    def roughness_at(self, x_m: float, y_m: float) -> float:
+        """Return the roughness at a point; beyond the map that of its edge."""
+        return self._roughness[self._material_at(x_m, y_m)]
+
+    def _material_at(self, x_m: float, y_m: float) -> int:
         ground = self.ground
         row = int((y_m - ground.y0_m) / ground.cell_m)
         column = int((x_m - ground.x0_m) / ground.cell_m)
         row, column = min(max(row, 0), self._last_row), min(max(column, 0), self._last_column)
-        return self._frictions[self._surface[row, column]]
+        return self._surface[row, column]
 
     def lowest_m(self, low: Floats, high: Floats) -> float:
         """Return the lowest height among the vertices of all cells that a box stands on.

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from groundlink.episode.control import Move, Spawn, WorldChange
 from groundlink.episode.world_queries import EntityReport
 from groundlink.scenario.additions import SolidGroup
-from groundlink.scenario.schema import Category, EntityDescription, Scenario
+from groundlink.scenario.schema import Scenario
 from groundlink.scene.build import solids
 from groundlink.scene.entities import (
     Pose,
@@ -22,7 +22,7 @@ from groundlink.scene.entities import (
 )
 from groundlink.scene.place_checks import PlaceChecks
 from groundlink.scene.spawn_pose import collision_solids
-from groundlink.world.actors import form_solids
+from groundlink.world.actors import Category, EntityDescription, form_solids
 from groundlink.world.solids import Solid
 from services.physics.dynamics.backend import Twist
 

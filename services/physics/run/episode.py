@@ -43,9 +43,9 @@ from groundlink.messages.ground_truth import VITALS_HZ
 from groundlink.messages.navigation import JointState
 from groundlink.scenario import Scenario
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
-from groundlink.scenario.schema import EntityDescription
 from groundlink.scene.build import solids, world_hash
 from groundlink.scene.change import with_more, with_moved, without, without_parts
+from groundlink.world.actors import EntityDescription
 from groundlink.world.solids import Solid
 from services.physics.dynamics.backend import Pose, Twist
 from services.physics.simulation.simulation import Simulation

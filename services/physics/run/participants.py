@@ -101,6 +101,9 @@ class Participants:
         return reached is None or (requirement is not None and reached < requirement(tick))
 
 
+NO_COMMAND = (-1, 0)
+
+
 class PendingAcks:
     """Acknowledgements that wait for the commands that they refer to.
 
@@ -109,11 +112,14 @@ class PendingAcks:
 
     def __init__(self) -> None:
         self._pending: dict[str, Ack] = {}
-        self._commanded: dict[str, int] = {}
+        self._commanded: dict[str, tuple[int, int]] = {}
+        """By vehicle: the newest tick of a command, and the number of commands with it."""
 
     def commanded(self, vehicle: str, tick: int) -> None:
         """Record a command for `vehicle` that is stamped with `tick`."""
-        self._commanded[vehicle] = max(tick, self._commanded.get(vehicle, -1))
+        newest, count = self._commanded.get(vehicle, NO_COMMAND)
+        if tick >= newest:
+            self._commanded[vehicle] = tick, count + 1 if tick == newest else 1
 
     def add(self, process: str, ack: Ack) -> None:
         """Add an acknowledgement; it replaces an earlier one of its process."""
@@ -122,5 +128,7 @@ class PendingAcks:
     def take_complete(self) -> Iterator[tuple[str, Ack]]:
         """Remove and yield each acknowledgement whose commands have come, with its process."""
         for process, ack in list(self._pending.items()):
-            if all(self._commanded.get(v, -1) >= tick for v, tick in ack.commanded.items()):
+            counts = ack.commands or {}
+            needed = ((v, (tick, counts.get(v, 0))) for v, tick in ack.commanded.items())
+            if all(self._commanded.get(v, NO_COMMAND) >= command for v, command in needed):
                 yield process, self._pending.pop(process)

@@ -23,9 +23,9 @@ from groundlink.loader.partial_scenario import FileKind, load_partial
 from groundlink.loader.scenario_files import SHIPPED, find_file
 from groundlink.scenario import Scenario
 from groundlink.scenario.additions import Addition
-from groundlink.scenario.schema import NAMESPACE, Category
+from groundlink.scenario.schema import NAMESPACE
 from groundlink.scene.entities import Corners, box_around, vehicle_solids
-from groundlink.world.actors import form_solids
+from groundlink.world.actors import Category, form_solids
 
 SUFFIXES = (".yaml", ".yml")
 

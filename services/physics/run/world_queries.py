@@ -8,7 +8,7 @@ loop that steps reads and changes the world between two ticks.
 import re
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
-from math import atan2, degrees, hypot, isfinite, sqrt
+from math import degrees, hypot, isfinite, sqrt
 from typing import Protocol, TypeVar
 
 import msgspec
@@ -17,6 +17,7 @@ from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
 from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.frames import matrix_from_quaternion
+from groundlink.core.quaternions import heading_rad
 from groundlink.episode.control import Move, Remove, Spawn, WorldChange
 from groundlink.episode.world_queries import (
     AnyWorldQuery,
@@ -39,11 +40,7 @@ from groundlink.episode.world_queries import (
 )
 from groundlink.loader.additions import SpawnPlace, free_name, placed
 from groundlink.scenario.additions import SolidGroup
-from groundlink.scenario.schema import (
-    RESERVED_NAMES,
-    EntityDescription,
-    Scenario,
-)
+from groundlink.scenario.schema import RESERVED_NAMES, Scenario
 from groundlink.scene.build import solids
 from groundlink.scene.entities import (
     Pose,
@@ -55,6 +52,7 @@ from groundlink.scene.entities import (
     upright,
 )
 from groundlink.scene.loaded_world import distinct, has_world, without_world
+from groundlink.world.actors import EntityDescription
 from services.physics.dynamics.backend import Twist
 
 from .control import ANSWER_SECONDS, LOADING_SECONDS
@@ -283,7 +281,7 @@ class WorldQueryAnswers:
         try:
             ground_m = view.checks.height_at(x, y)
             base_m = max((v.model.base_height_m for v in found.content.vehicles), default=0.0)
-            above_m, yaw = max(0.0, z - ground_m - base_m), _yaw_deg(pose[1])
+            above_m, yaw = max(0.0, z - ground_m - base_m), degrees(heading_rad(pose[1]))
             more = placed(found.content, name, SpawnPlace(x, y, above_m, yaw), view.checks.ground)
             if query.namespace:
                 more = in_namespace(more, query.namespace)
@@ -477,9 +475,3 @@ def _tilt(orientation: Quaternion) -> float:
     """Return the sine of the angle between the z axis of a pose and up."""
     x, y, _ = matrix_from_quaternion(orientation)[:, 2].tolist()
     return hypot(x, y)
-
-
-def _yaw_deg(orientation: Quaternion) -> float:
-    """Return the heading of the x axis of a pose."""
-    forward = matrix_from_quaternion(orientation)[:, 0]
-    return degrees(atan2(forward[1], forward[0]))

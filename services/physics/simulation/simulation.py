@@ -9,6 +9,8 @@ from contextlib import closing
 from struct import Struct
 from typing import Self
 
+from msgspec.structs import replace
+
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.fields import Vector3
 from groundlink.messages.base import Command, VehicleState, WheelCommand
@@ -19,6 +21,7 @@ from groundlink.scenario.vehicle import VehicleModel
 from groundlink.scene.spawn_checks import actor_bodies, vehicle_bodies
 from groundlink.world import terrain
 from groundlink.world.actors import Actor
+from groundlink.world.roughness import RoughGround, roughness_of
 from groundlink.world.solids import Material, Solid, Sphere
 from groundlink.world.terrain import Ground
 from services.physics.dynamics.backend import Backend, Pose, Twist
@@ -67,8 +70,10 @@ class Simulation:
         )
         mapped, materials = scenario.world.terrain, scenario.world.materials
         self._materials = materials
+        self._roughness = roughness_of(scenario.world.roughness)
+        self._rough = RoughGround(scenario.seed) if scenario.world.roughness else None
         self._terrain: TerrainWindows | NoTerrain = (
-            TerrainWindows(self._backend, terrain.load_ground(mapped), materials)
+            TerrainWindows(self._backend, terrain.load_ground(mapped), materials, self._roughness)
             if mapped
             else NoTerrain()
         )
@@ -100,6 +105,7 @@ class Simulation:
             [solid for solid in solids if solid.name not in there],
             materials,
             clearance_m=self._clearance_m,
+            roughness=self._roughness,
             lowest_m=self._terrain.lowest_m,
         )
         self._statics |= statics
@@ -137,6 +143,8 @@ class Simulation:
             described,
             self._friction,
             ground=self._terrain.ground,
+            rough=self._rough,
+            roughness_at=self._roughness_at,
             epoch_nanos=self._epoch_nanos,
         )
         if (ground := self._terrain.ground) is not None:
@@ -164,6 +172,10 @@ class Simulation:
     def _friction(self, body: int, point: Vector3) -> float:
         fixed = self._statics.get(body)
         return self._terrain.friction_at(point[0], point[1]) if fixed is None else fixed.friction
+
+    def _roughness_at(self, body: int, point: Vector3) -> float:
+        fixed = self._statics.get(body)
+        return self._terrain.roughness_at(*point[:2]) if fixed is None else fixed.roughness
 
     def reset_state(self, scenario: Scenario) -> None:
         """Put all vehicles and free actors of the present scenario back where they begin."""
@@ -313,6 +325,8 @@ def settled(
     flat ground springs start at their loaded rest, and nothing is computed. A vehicle that slides,
     as on ice, or starts above the ground, starts where `groundlink.scene.spawn_pose` puts it.
 
+    Effects do not act: a running engine never comes to rest.
+
     Kinetic damping: all motion is taken away whenever it begins to slow down. Otherwise springs
     would swing beyond their rest, and a tall vehicle would tip over.
     """
@@ -321,7 +335,10 @@ def settled(
     with closing(new_backend()) as backend:
         terrain = TerrainWindows(backend, ground, materials)
         it = SimulatedVehicle(
-            backend, vehicle, lambda _, point: terrain.friction_at(*point[:2]), ground=ground
+            backend,
+            replace(vehicle, effects=()),
+            lambda _, point: terrain.friction_at(*point[:2]),
+            ground=ground,
         )
         terrain.carry(it, vehicle.model.name, reach_of(vehicle.model))
         still, fastest, rises = 0, 0.0, False

@@ -19,7 +19,7 @@ from groundlink.scenario.vehicle import VehicleModel
 from .controller import WheelTargets
 from .motor import BatteryCharge, Motors, UnlimitedSupply
 from .shaft import TurningShaft
-from .tire import Tire
+from .tire import CreepingTire, Tire
 
 
 class SteeringJoint:
@@ -144,6 +144,13 @@ class RollingWheel:
         return self.shaft.torque_nm / (self.ratio * len(self.shaft.tires)) if self.shaft else 0.0
 
 
+def _tire(model: VehicleModel, wheel: Wheel, borne_kg: float) -> Tire:
+    ratio = wheel.axle_friction_ratio
+    if model.tire_slip:
+        return CreepingTire(model.tire_slip, borne_kg=borne_kg, axle_ratio=ratio)
+    return Tire(borne_kg=borne_kg, axle_ratio=ratio)
+
+
 class RunningGear:
     """The wheels of one vehicle, at rest.
 
@@ -164,7 +171,7 @@ class RunningGear:
         self.wheels = [
             RollingWheel(
                 wheel,
-                Tire(borne_kg=mass, axle_ratio=wheel.axle_friction_ratio),
+                _tire(model, wheel, mass),
                 joints.get(wheel.name),
             )
             for wheel, mass in zip(model.wheels, borne_kg, strict=True)
@@ -277,6 +284,7 @@ class RunningGear:
                 lx * px + ly * py + lz * pz,
                 grip,
                 wheel.resistance * load,
+                load,
             )
             meeting.append((fx, fy, fz, lx, ly, lz, x, y, z))
         spin = self._turn_shafts(asked.speeds_radps, asked.torques_nm or self._no_torques)

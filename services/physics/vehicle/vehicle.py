@@ -18,9 +18,10 @@ from groundlink.core.quaternions import multiply
 from groundlink.messages.base import VehicleState, packed
 from groundlink.messages.navigation import JointState
 from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.vehicle import VehicleModel
+from groundlink.scenario.vehicle import Bumper, VehicleModel
 from groundlink.scene.spawn_pose import spawn_pose
 from groundlink.world.mesh_asset import load_mesh
+from groundlink.world.roughness import RoughGround
 from groundlink.world.solids import Mesh
 from groundlink.world.terrain import Ground
 from services.physics.dynamics.backend import (
@@ -36,9 +37,13 @@ from services.physics.dynamics.energy_and_contacts import EnergyAndContacts
 
 from .controller import Controller
 from .joint_commands import JointCommandReader
+from .ride import EngineShake, Ride, RoughnessAt, no_roughness
 from .running_gear import GroundContact, RunningGear
 from .servos import Servos
 from .urdf import chassis_moments, convex_hull, hull_file, suspension_joint, urdf
+
+BOX_POINTS = 4
+"""Points at which a side of a box touches a wall; how many touch is known after the first tick."""
 
 AIR_DENSITY_KGPM3 = 1.225
 """Standard atmosphere at sea level (ISO 2533)."""
@@ -122,6 +127,8 @@ class SimulatedVehicle:
         of the ground under wheels.
     ground
         the terrain at its placement; None: flat ground.
+    rough, roughness_at
+        heights of rough ground, and where ground is rough; None: all is smooth.
     epoch_nanos
         stamp of sim time zero.
     """
@@ -133,10 +140,12 @@ class SimulatedVehicle:
         friction: Friction,
         *,
         ground: Ground | None = None,
+        rough: RoughGround | None = None,
+        roughness_at: RoughnessAt = no_roughness,
         epoch_nanos: int = 0,
     ) -> None:
         self._backend = backend
-        self._model = model = vehicle.model
+        self._model = model = vehicle.model.with_effects(vehicle.effects)
         self._friction = friction
         self.drive = Controller(model, epoch_nanos=epoch_nanos)
         self.servos = Servos(model.joints, epoch_nanos=epoch_nanos)
@@ -170,10 +179,22 @@ class SimulatedVehicle:
         self._com = model.chassis.center_m
         self._centers = [wheel.center_m for wheel in model.wheels]
         self._body_drag = body_drag(model)
+        tread, engine = (v.tread, v.engine) if (v := model.vibration) else (None, None)
+        self._ride = (
+            Ride(self.running_gear.wheels, rough, roughness_at, tread) if rough or tread else None
+        )
+        self._engine_shake = (
+            EngineShake(engine, mass_kg=whole_kg, top_speed_mps=model.top_speed_mps)
+            if engine
+            else None
+        )
         self._pack_links = Struct(f"<{7 * (count + 1 + len(model.joints))}d").pack
         self._pack_wheels = Struct(f"<{count}d").pack
         self._pack_velocity = Struct("<6d").pack
         self._set_surfaces()
+        self._bumper_points = 0
+        if model.bumper:
+            self._share_bumper(model.bumper, BOX_POINTS)
         self._first_contacts: list[GroundContact | None] | None = None
         self.sense()
 
@@ -184,6 +205,14 @@ class SimulatedVehicle:
         for wheel, link in zip(self._model.wheels, self._joints, strict=True):
             # The tire model makes the grip; the backend's contact only carries.
             self._backend.set_surface(self.body, Surface(0.0, wheel.restitution, WHEEL), link)
+
+    def _share_bumper(self, bumper: Bumper, points: int) -> None:
+        """Give each of a number of contact points its share of the bumper."""
+        if points != self._bumper_points:
+            self._bumper_points = points
+            self._backend.set_contact_spring(
+                self.body, bumper.stiffness_npm / points, bumper.damping_nspm / points
+            )
 
     def sense(self) -> None:
         """Read position and velocity of the base and the springs from the backend."""
@@ -291,9 +320,12 @@ class SimulatedVehicle:
         )
         self.servos.step(sim_nanos)
         self.energy_and_contacts.worked(running_gear.driving_w, running_gear.braking_w)
+        if self._engine_shake:
+            z += self._engine_shake.force_n(vx)
         if self._body_drag:
             (x, y, z), torque = self._body_drag.slow((x, y, z), torque, (vx, vy, vz), turn)
         self._backend.push(self.body, (x, y, z), torque)
+        sprung = self._ride.springs(self._sprung, self._hubs()) if self._ride else self._sprung
         # Along the base's z on the wheel; a spring pushes it down by the load that rests on it.
         self._backend.set_joint_forces(
             self.body,
@@ -301,10 +333,18 @@ class SimulatedVehicle:
             [
                 force - preload - stiffness * spring[0] - damping * spring[1]
                 for force, (preload, stiffness, damping), spring in zip(
-                    along_springs, self._springs, self._sprung, strict=True
+                    along_springs, self._springs, sprung, strict=True
                 )
             ],
         )
+
+    def _hubs(self) -> list[tuple[float, float]]:
+        """Return the places of the wheels in the world, x and y."""
+        (a, b, c), (d, e, f), _ = self._rows
+        ox, oy, _ = self._origin
+        return [
+            (ox + a * x + b * y + c * z, oy + d * x + e * y + f * z) for x, y, z in self._centers
+        ]
 
     def _ground_contacts(self, tick: int) -> list[GroundContact | None]:
         """Return each wheel's contact in the last step; record those of the chassis."""
@@ -312,17 +352,23 @@ class SimulatedVehicle:
             self._first_contacts = None
             return first
         contacts: list[GroundContact | None] = [None] * self._count
+        touching = 0
         (a, b, c), (d, e, f), (g, h, i) = self._rows
         for other, link, point, (x, y, z), force in self._backend.contacts(self.body):
             if (place := self._place.get(link)) is None:
                 self.energy_and_contacts.touched((tick, other, point, force))
+                touching += 1
                 continue
             grip = self._friction(other, point) * force
+            if self._ride:
+                self._ride.touch(place, other, point)
             x, y, z = x * force, y * force, z * force
             x, y, z = a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z
             if (before := contacts[place]) is not None:
                 grip, x, y, z = grip + before[0], x + before[1], y + before[2], z + before[3]
             contacts[place] = grip, x, y, z
+        if touching and self._model.bumper:
+            self._share_bumper(self._model.bumper, touching)
         return contacts
 
     def command_joints(self, command: JointState) -> bool:

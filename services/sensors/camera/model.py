@@ -10,6 +10,7 @@ from collections.abc import Iterable
 
 from groundlink.messages.base import BusMessage
 from groundlink.scenario.schema import Scenario, Vehicle
+from services.sensors.labels.picture_labels import PictureLabels
 from services.sensors.rendering.cameras.camera_eye import CameraEye
 from services.sensors.rendering.cameras.messages import ENCODINGS, camera_info, image, jpeg
 from services.sensors.rendering.gl.target import COLOR_ALONE, COLOR_AND_LABELS
@@ -37,12 +38,7 @@ class CameraModel(PictureModel):
             encoding=spec.encoding,
             layers=COLOR_AND_LABELS if spec.labels else COLOR_ALONE,
         )
-        self._labels = None
-        if spec.labels:
-            # Only labeled cameras load this module.
-            from services.sensors.labels.picture_labels import PictureLabels
-
-            self._labels = PictureLabels(scenario, vehicle, spec, self._eye)
+        self._labels = PictureLabels(scenario, vehicle, spec, self._eye) if spec.labels else None
         super().__init__(spec, self._eye.eye, span_nanos=self._eye.span_nanos)
         self._frame = vehicle.frame_prefix + spec.frame
         self._outputs = spec.ros_topics().keys()

@@ -64,6 +64,7 @@ class DrawnEye:
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: DepthCamera) -> None:
         open_context().release()  # fails with the reason if OpenGL is unavailable
         # These need moderngl.
+        from services.sensors.labels.picture_labels import PictureLabels
         from services.sensors.rendering.cameras.camera_eye import CameraEye
         from services.sensors.rendering.gl.target import Layer
 
@@ -72,12 +73,7 @@ class DrawnEye:
         if spec.labels:
             layers = (*layers, "labels", "soils")
         self._camera = CameraEye(scenario, vehicle, spec, layers=layers)
-        self._labels = None
-        if spec.labels:
-            # Only labeled cameras load this module.
-            from services.sensors.labels.picture_labels import PictureLabels
-
-            self._labels = PictureLabels(scenario, vehicle, spec, self._camera)
+        self._labels = PictureLabels(scenario, vehicle, spec, self._camera) if spec.labels else None
         self.pinhole, self.slopes = self._camera.pinhole, self._camera.slopes
         self.span_nanos = self._camera.span_nanos
         self.restart, self.take = self._camera.eye.restart, self._camera.eye.take

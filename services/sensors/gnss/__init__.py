@@ -11,7 +11,7 @@ KIND = SensorKind(
     streams={"": NavSatFix},
     check="services.sensors.gnss.checks:problems",
     model="services.sensors.gnss.model:GnssModel",
-    native="services.sensors.gnss.model:nmea_device",
+    native="services.sensors.gnss.native:native_device",
     sees_world=True,
     disturb={"position": "services.sensors.gnss.fault_effects:offset_position"},
 )

@@ -7,11 +7,12 @@ position in the world is converted to Earth-centered axes, the errors are added,
 converted to latitude, longitude and altitude. The errors are drawn along east, north and up of the
 world's origin, because a receiver is less accurate vertically. If both are configured alike, the
 result is the paper's error of equal size along the Earth's axes. Hidden parts of the sky scale the
-errors by the dilution of precision. With too few satellites there is no fix.
+errors by the dilution of precision. Reflections shift the position by their errors of range. With
+too few satellites there is no fix.
 
-Without a fix, at startup or in an outage, the receiver reports status -1 and NaN at its rate. A fix
-returns at once, with its earlier quality. Multipath, false fixes and the time to resolve
-ambiguities again are not modeled.
+Without a fix, at startup or in an outage, the receiver reports status -1 and NaN at its rate. The
+type of solution depends on the satellites and on how long they have been received (`fix_state`).
+False fixes are not modeled.
 """
 
 import math
@@ -20,6 +21,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS, Schedule, exact
 from groundlink.core.errors import UserError
@@ -35,9 +37,12 @@ from services.sensors.runtime import nmea
 from services.sensors.runtime.model import Datagram
 from services.sensors.runtime.next_event import Event, NextEvent
 
+from .fix_state import FixState, Solved
 from .geodesy import Geodetic, TangentPlane, geodetic_from_ecef
-from .reception import Reception
-from .spec import Gnss
+from .multipath import range_errors_m
+from .reception import Path, Reception, Signals
+from .sky import Satellite
+from .spec import Gnss, Solution
 
 
 class FixErrors(NamedTuple):
@@ -51,8 +56,7 @@ class GnssErrors:
     """Error model of a receiver: white noise, slow drift and velocity noise.
 
     An error is a function of the seed, the sensor's name and the number of the fix; it does not
-    depend on the start time of the process. Random numbers are drawn for every fix, including lost
-    ones.
+    depend on the start time of the process.
     """
 
     def __init__(self, spec: Gnss, streams: RandomStreams) -> None:
@@ -84,11 +88,11 @@ class GnssErrors:
         return FixErrors((east, north, up), (ve, vn, vu))
 
 
-GPS = 1
-"""sensor_msgs/NavSatStatus.SERVICE_GPS."""
+SERVICES = {"gps": 1, "glonass": 2, "beidou": 4, "galileo": 8}
+"""Bits of sensor_msgs/NavSatStatus.service by `Walker.system`."""
 
 FIXES_REMEMBERED = 256
-"""Number of stored solutions. NMEA sentences remain available for fixes that are delayed by up to
+"""Number of stored solutions. Native messages remain available for fixes that are delayed by up to
 12 s at 20 Hz."""
 
 DIAGONAL_KNOWN = 2
@@ -117,6 +121,15 @@ KINDS = {
 """Codes by the scenario's `solution`."""
 
 
+class Details(NamedTuple):
+    """What native messages say of a fix."""
+
+    epoch: nmea.Epoch
+    signals: Signals
+    solved: Solved | None
+    up_mps: float = 0.0
+
+
 @dataclass(frozen=True)
 class _Measured:
     """Measured fix that is not published yet because of the receiver's latency."""
@@ -124,13 +137,21 @@ class _Measured:
     tick: int
     """Tick whose state completed the measurement."""
 
+    memory: bytes
+    """Memory before the measurement."""
+
     due_tick: int
     fix: NavSatFix
-    epoch: nmea.Epoch
+    details: Details
 
 
 class GnssModel:
-    """GNSS receiver of a vehicle (a `SensorModel`).
+    """GNSS receiver of a vehicle (a `RememberingModel`).
+
+    Attributes
+    ----------
+    satellites : tuple of Satellite
+        In the order of `Signals`.
 
     Raises
     ------
@@ -153,17 +174,38 @@ class GnssModel:
         self._plane = TangentPlane(
             Geodetic.of_degrees(datum.latitude_deg, datum.longitude_deg, datum.altitude_m)
         )
-        self._kind = KINDS[spec.solution]
         self._due = NextEvent(Schedule.at(spec.rate_hz))
         self._latency_nanos = int(exact(spec.latency_s) * NANOS)
-        self._errors = GnssErrors(spec, RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}"))
-        self._reception = Reception(scenario, vehicle, spec)
-        self._sent: dict[int, nmea.Epoch] = {}
+        self._jitter_nanos = int(exact(spec.latency_jitter_s) * NANOS)
+        self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
+        self._solutions = [
+            (solution, GnssErrors(_with_noise_of(spec, solution), self._streams))
+            for solution in spec.ranked_solutions()
+        ]
+        self._reception = Reception(scenario, vehicle, spec, self._plane)
+        self.satellites: tuple[Satellite, ...] = self._reception.sky.satellites
+        systems = {satellite.system for satellite in self.satellites}
+        self._service = sum(SERVICES[system] for system in systems)
+        self._talker = "GP" if systems == {"gps"} else "GN"
+        self._multipath = spec.multipath
+        self._state = FixState(spec.ranked_solutions(), len(self.satellites))
+        self._sent: dict[int, Details] = {}
+        unseen = Signals.none(len(self.satellites))
+        self._nothing = Details(nmea.Epoch(0, 0, "N"), unseen, None)
         self.restart()
 
+    def memory(self) -> bytes:
+        """Return the locks before the first fix that is not published yet."""
+        return self._waiting[0].memory if self._waiting else self._state.memory()
+
+    def remember(self, memory: bytes) -> None:
+        """Restore the result of an earlier `memory()`; empty memory is without locks."""
+        self._state.remember(memory)
+
     def restart(self) -> None:
-        """Forget earlier states, and fixes that are not published yet."""
+        """Forget earlier states and locks, and fixes that are not published yet."""
         self._reception.restart()
+        self._state.restart()
         self._due.restart()
         self._pose: Floats = np.zeros(7)
         self._waiting: deque[_Measured] = deque()
@@ -195,29 +237,34 @@ class GnssModel:
         out = []
         while self._waiting and self._waiting[0].due_tick <= state.tick:
             out.append(self._waiting.popleft())
-            self._sent[out[-1].fix.stamp_nanos] = out[-1].epoch
+            self._sent[out[-1].fix.stamp_nanos] = out[-1].details
             if len(self._sent) > FIXES_REMEMBERED:
                 del self._sent[next(iter(self._sent))]
         return [one.fix for one in out]
 
     def datagrams(self, fix: NavSatFix, epoch_nanos: int) -> list[Datagram]:
-        """Return the NMEA sentences of a published fix.
+        """Return the NMEA sentences of a published fix."""
+        return [Datagram(sentence) for sentence in nmea.sentences(self.details(fix).epoch)]
 
-        Time, position and validity are those of `fix`, so both formats agree after a fault has
+    def details(self, fix: NavSatFix) -> Details:
+        """Return what native messages say of a published fix.
+
+        Time, position and validity are those of `fix`, so all formats agree after a fault has
         changed the fix. The other values are those of the solution with this stamp, or of the
-        newest.
+        newest. A model that has published no fix, such as that of a changed world, knows none.
         """
-        newest = next(reversed(self._sent.values()))
-        epoch = self._sent.get(fix.stamp_nanos, newest)._replace(stamp_nanos=fix.stamp_nanos)
+        newest = next(reversed(self._sent.values()), self._nothing)
+        known = self._sent.get(fix.stamp_nanos, newest)
+        epoch = known.epoch._replace(stamp_nanos=fix.stamp_nanos)
         if fix.status < 0 or not epoch.fixed:
-            epoch = nmea.Epoch(fix.stamp_nanos, 0, "N")
-        else:
-            epoch = epoch._replace(
-                latitude_deg=fix.latitude_deg,
-                longitude_deg=fix.longitude_deg,
-                altitude_m=fix.altitude_m,
-            )
-        return [Datagram(sentence) for sentence in nmea.sentences(epoch)]
+            epoch = nmea.Epoch(fix.stamp_nanos, 0, "N", talker=self._talker)
+            return Details(epoch, known.signals, None)
+        epoch = epoch._replace(
+            latitude_deg=fix.latitude_deg,
+            longitude_deg=fix.longitude_deg,
+            altitude_m=fix.altitude_m,
+        )
+        return known._replace(epoch=epoch)
 
     def _base(self, state: State) -> tuple[Floats, Floats]:
         """Return the base's pose, shape (7,), and velocity, shape (6,)."""
@@ -249,28 +296,37 @@ class GnssModel:
             antenna = antenna + back * (antenna - before)
         moving = velocity[:3] + np.cross(velocity[3:], lever)
         stamp_nanos = state.epoch_nanos + event.nanos
-        due_tick = -(-(event.nanos + self._latency_nanos) // TICK_NANOS)
-        error = self._errors.of_fix(event.number)
-        view = self._reception.view(event.nanos, antenna)
-        if view is None:
-            return _Measured(state.tick, due_tick, *self._lost(stamp_nanos))
-        best_enu = self._reception.open_sky.dilution_enu
-        worse = [now / best for now, best in zip(view.dilution_enu, best_enu, strict=True)]
+        memory, due_tick = self._state.memory(), self._due_tick(event)
+        signals = self._reception.signals(event.nanos, antenna)
+        solved = self._state.take(event.nanos, signals)
+        if solved is None:
+            return _Measured(state.tick, memory, due_tick, *self._lost(stamp_nanos, signals))
+        solution, errors = self._solutions[solved.rank]
+        error = errors.of_fix(event.number)
+        typical_enu = self._reception.sky.typical_dilution_enu
+        worse = [
+            now / usual
+            for now, usual in zip(solved.geometry.dilution_enu, typical_enu, strict=True)
+        ]
         east, north, up = (
-            off * factor for off, factor in zip(error.position_m, worse, strict=True)
+            off * factor + shift
+            for off, factor, shift in zip(
+                error.position_m, worse, self._reflection_error_m(solved, signals), strict=True
+            )
         )
         x, y, z = self._plane.ecef(_vector(antenna))
         dx, dy, dz = self._plane.turned((east, north, up))
         place = geodetic_from_ecef((x + dx, y + dy, z + dz))
         variances = [
             variance * factor**2
-            for variance, factor in zip(self._errors.variances_m2, worse, strict=True)
+            for variance, factor in zip(errors.variances_m2, worse, strict=True)
         ]
+        kind = KINDS[solution.type]
         fix = NavSatFix(
             stamp_nanos=stamp_nanos,
             frame=self._frame,
-            status=self._kind.status,
-            service=GPS,
+            status=kind.status,
+            service=self._service,
             latitude_deg=math.degrees(place.latitude_rad),
             longitude_deg=math.degrees(place.longitude_rad),
             altitude_m=place.altitude_m,
@@ -278,34 +334,56 @@ class GnssModel:
             covariance_type=DIAGONAL_KNOWN,
         )
         epoch = nmea.Epoch(
-            *(stamp_nanos, self._kind.quality, self._kind.mode, self._kind.minute_decimals),
+            *(stamp_nanos, kind.quality, kind.mode, kind.minute_decimals),
             geoid_m=self._geoid_m,
             east_mps=float(moving[0]) + error.velocity_mps[0],
             north_mps=float(moving[1]) + error.velocity_mps[1],
-            satellites=view.satellites,
-            horizontal_dilution=view.horizontal_dilution,
+            satellites=solved.geometry.satellites,
+            horizontal_dilution=solved.geometry.horizontal_dilution,
+            talker=self._talker,
         )
-        return _Measured(state.tick, due_tick, fix, epoch)
+        details = Details(epoch, signals, solved, float(moving[2]) + error.velocity_mps[2])
+        return _Measured(state.tick, memory, due_tick, fix, details)
 
-    def _lost(self, stamp_nanos: int) -> tuple[NavSatFix, nmea.Epoch]:
+    def _due_tick(self, event: Event) -> int:
+        """Return the tick at which the fix of an event is published, at the earliest."""
+        nanos = event.nanos + self._latency_nanos
+        if self._jitter_nanos:
+            nanos += int(self._streams.at("latency", event.tick).random() * self._jitter_nanos)
+        return -(-nanos // TICK_NANOS)
+
+    def _reflection_error_m(self, solved: Solved, signals: Signals) -> Vector3:
+        """Return the error of a position by reflected signals: east, north, up."""
+        if self._multipath is None:
+            return 0.0, 0.0, 0.0
+        errors = range_errors_m(
+            signals.detour_m,
+            signals.path == Path.DIRECT,
+            self._multipath,
+            by_carrier=self._solutions[solved.rank][0].by_carrier,
+        )
+        return _vector(solved.geometry.estimator[:3] @ errors[solved.used])
+
+    def _lost(self, stamp_nanos: int, signals: Signals) -> tuple[NavSatFix, Details]:
         """Return the messages of a receiver without a fix."""
         fix = NavSatFix(
             stamp_nanos=stamp_nanos,
             frame=self._frame,
             status=-1,
-            service=GPS,
+            service=self._service,
             latitude_deg=math.nan,
             longitude_deg=math.nan,
             altitude_m=math.nan,
             position_covariance_m2=packed(np.zeros(9)),
             covariance_type=0,
         )
-        return fix, nmea.Epoch(stamp_nanos, 0, "N")
+        epoch = nmea.Epoch(stamp_nanos, 0, "N", talker=self._talker)
+        return fix, Details(epoch, signals, None)
 
 
-def nmea_device(model: GnssModel, spec: Gnss) -> GnssModel:
-    """Return the device that sends NMEA 0183: the model itself, which has the satellite data."""
-    return model
+def _with_noise_of(spec: Gnss, solution: Solution) -> Gnss:
+    """Return the receiver with the errors of one type of solution."""
+    return replace(spec, horizontal=solution.horizontal, vertical=solution.vertical)
 
 
 def _vector(xyz: Floats) -> Vector3:

@@ -1,92 +1,59 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Satellite reception: startup, outages, satellites hidden by solids, dilution of precision.
+"""Signal reception: startup, outages, satellites hidden by solids, and reflected signals.
 
-Reception depends only on the instant and on the current positions, not on earlier states. A
-satellite that becomes visible is received at once. Satellites do not move. Signals are
-neither refracted nor reflected, so tall walls hide satellites but cause no multipath.
+Reception depends only on the instant and on the current positions, not on earlier states; what a
+receiver makes of interrupted signals is in `fix_state`. Signals are not refracted.
 """
 
 from collections.abc import Sequence
+from enum import IntEnum
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from groundlink.core.clock import NANOS, exact
-from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats
 from groundlink.messages.base import State
 from groundlink.scenario.schema import Scenario, Vehicle
 from services.sensors.rays.probe import RayProbe
 
-from .spec import Gnss
-
-WORST_CONDITION = 1e6
-"""Condition number of the normal matrix. Above it, satellites lie on a line or a cone and give no
-position."""
-
-
-class Geometry(NamedTuple):
-    """Geometry of the visible satellites."""
-
-    satellites: int
-    dilution_enu: tuple[float, float, float]
-    """Standard deviation of east, north and up, for range errors with a standard deviation of 1."""
-
-    @property
-    def horizontal_dilution(self) -> float:
-        """Horizontal dilution of precision (HDOP)."""
-        east, north, _ = self.dilution_enu
-        return float(np.hypot(east, north))
-
-
-def directions(satellites_deg: Sequence[tuple[float, float]]) -> Floats:
-    """Return unit vectors east, north, up, shape (3, satellites), from azimuths and elevations."""
-    azimuths, elevations = np.radians(np.array(satellites_deg, np.float64).reshape(-1, 2)).T
-    across = np.cos(elevations)
-    return np.stack([across * np.sin(azimuths), across * np.cos(azimuths), np.sin(elevations)])
-
-
-def geometry(towards: Floats, visible: NDArray[np.bool_]) -> Geometry | None:
-    """Return the geometry of the visible satellites; None if they give no position.
-
-    Position and receiver clock are estimated by least squares with equal weights. The covariance is
-    the inverse of H^T H, with one row (east, north, up, 1) per satellite (Misra and Enge, "Global
-    Positioning System", 2nd edition, section 6.1.2).
-
-    Parameters
-    ----------
-    towards : shape (3, satellites)
-    visible : shape (satellites,)
-    """
-    seen = towards[:, visible]
-    rows = np.vstack([seen, np.ones(seen.shape[1])]).T
-    normal = rows.T @ rows
-    if len(rows) < 4 or np.linalg.cond(normal) > WORST_CONDITION:
-        return None
-    east, north, up, _ = np.sqrt(np.diag(np.linalg.inv(normal))).tolist()
-    return Geometry(len(rows), (east, north, up))
-
-
-def open_sky(towards: Floats) -> Geometry:
-    """Return the geometry of all satellites.
-
-    Raises
-    ------
-    UserError
-        when the satellites give no position.
-    """
-    found = geometry(towards, np.ones(towards.shape[1], np.bool_))
-    if found is None:
-        raise UserError(
-            "`satellites_deg`: these directions give no position even under open sky. Fix: "
-            "spread them over the sky"
-        )
-    return found
-
+from .geodesy import TangentPlane
+from .multipath import combined, detours_m
+from .sky import FixedSky, MovingSky
+from .spec import Gnss, Multipath
 
 SKY_M = 1000.0
 """Solids beyond this distance hide no satellite."""
+
+
+class Path(IntEnum):
+    """Path of a satellite's signal to the antenna."""
+
+    NONE = 0
+    DIRECT = 1
+    REFLECTED = 2
+    """By a wall only, while the direct path is blocked."""
+
+
+class Signals(NamedTuple):
+    """Signals of all satellites at an instant; each array has shape (..., satellites)."""
+
+    towards: Floats
+    """Unit vectors east, north, up."""
+
+    path: NDArray[np.int64]
+    """Values of `Path`."""
+
+    detour_m: Floats
+    """Detour of the reflected signal; infinite without one."""
+
+    @classmethod
+    def none(cls, satellites: int) -> "Signals":
+        """Return those of satellites that are not above the horizon."""
+        path = np.full(satellites, Path.NONE, np.int64)
+        return cls(np.zeros((3, satellites)), path, np.full(satellites, np.inf))
 
 
 class Reception:
@@ -94,8 +61,7 @@ class Reception:
 
     Attributes
     ----------
-    open_sky : Geometry
-        Geometry of all satellites.
+    sky : FixedSky or MovingSky
 
     Raises
     ------
@@ -105,13 +71,15 @@ class Reception:
         with `sky_view`, when the compiled loops are not installed.
     """
 
-    def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Gnss) -> None:
+    def __init__(
+        self, scenario: Scenario, vehicle: Vehicle, spec: Gnss, plane: TangentPlane
+    ) -> None:
         self._startup_nanos = int(exact(spec.startup_s) * NANOS)
         self._outages = spec.outages
-        self._needed = spec.satellites_needed
-        self._towards = directions(spec.satellites_deg)
-        self.open_sky = open_sky(self._towards)
+        self.sky = MovingSky(spec, plane) if spec.constellations else FixedSky(spec)
+        self._least_sine = np.sin(np.radians(spec.elevation_mask_deg))
         self._probe = RayProbe(scenario, vehicle, spec.mount) if spec.sky_view else None
+        self._multipath = spec.multipath
 
     def restart(self) -> None:
         """Forget all states."""
@@ -129,23 +97,45 @@ class Reception:
         if self._probe is not None:
             self._probe.take(state)
 
-    def view(self, sim_nanos: int, antenna_in_world: Floats) -> Geometry | None:
-        """Return the geometry of the received satellites; None without a fix.
-
-        The antenna's position has shape (3,).
-        """
-        if sim_nanos < self._startup_nanos:
-            return None
+    def signals(self, sim_nanos: int, antenna_in_world: Floats) -> Signals:
+        """Return the signals that reach the antenna, whose position has shape (3,)."""
+        towards = self.sky.towards(sim_nanos, antenna_in_world)
+        count = towards.shape[1]
+        path, detour = np.full(count, Path.NONE, np.int64), np.full(count, np.inf)
         x, y, _ = antenna_in_world.tolist()
-        if any(inside(x, y, polygon) for polygon in self._outages):
-            return None
-        if self._probe is None:
-            return self.open_sky
-        hits = self._probe.cast(sim_nanos, antenna_in_world, self._towards, SKY_M)
-        visible = np.isinf(hits.range_m)
-        if np.count_nonzero(visible) < self._needed:
-            return None
-        return geometry(self._towards, visible)
+        if sim_nanos < self._startup_nanos or any(inside(x, y, area) for area in self._outages):
+            return Signals(towards, path, detour)
+        above = towards[2] > self._least_sine
+        if self._probe is None or not above.any():
+            path[above] = Path.DIRECT
+            return Signals(towards, path, detour)
+        cast = partial(self._probe.cast, sim_nanos)
+        seen = towards[:, above]
+        free = np.isinf(cast(antenna_in_world, seen, SKY_M).range_m)
+        path[above] = np.where(free, Path.DIRECT, Path.NONE)
+        if self._multipath is not None:
+            detour[above] = detours_m(antenna_in_world, seen, self._multipath, SKY_M, cast)
+            path[(path == Path.NONE) & np.isfinite(detour)] = Path.REFLECTED
+        return Signals(towards, path, detour)
+
+
+HORIZON_DBHZ, ZENITH_DBHZ = 35.0, 50.0
+"""C/N0 of a direct signal by elevation: an estimate of what a patch antenna under open sky has."""
+
+
+def strengths_dbhz(signals: Signals, multipath: Multipath | None) -> Floats:
+    """Return C/N0 of all satellites, shape (satellites,); 0 where nothing is received.
+
+    A reflection strengthens or weakens the direct signal by its phase.
+    """
+    up = np.clip(signals.towards[2], 0.0, 1.0)
+    strengths: Floats = HORIZON_DBHZ + (ZENITH_DBHZ - HORIZON_DBHZ) * up
+    if multipath is not None:
+        both = (signals.path == Path.DIRECT) & np.isfinite(signals.detour_m)
+        strengths[both] += 20 * np.log10(np.abs(combined(signals.detour_m[both], multipath)))
+        strengths[signals.path == Path.REFLECTED] += 20 * np.log10(multipath.amplitude)
+    strengths[signals.path == Path.NONE] = 0.0
+    return strengths
 
 
 def inside(x: float, y: float, polygon: Sequence[tuple[float, float]]) -> bool:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""IMU errors: white noise, constant and wandering biases, and axis misalignment.
+"""IMU errors: white noise, constant, wandering and thermal biases, and axis misalignment.
 
 An error is a function of the scenario's seed, the sensor's name and the tick; it does not depend on
 the start time of the process. A restarted process therefore continues with the same errors.
-Temperature and vibration have no effect, and scale errors do not depend on the measured magnitude.
+Vibration has no effect, and scale errors do not depend on the measured magnitude.
 """
 
 import math
@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.core.clock import TICK_RATE_HZ, Schedule
+from groundlink.core.clock import TICK_RATE_HZ, TICK_SECONDS, Schedule
 from groundlink.core.fields import Vector3
 from services.sensors.noise.error_processes import BLOCK_TICKS, ErrorProcesses
 from services.sensors.noise.normal import NORMALS
@@ -28,10 +28,24 @@ PEAK_OF_GAUSS_MARKOV = 0.61736
 952-1997, C.1.4, which gives the variance as 2 T/t (1 - T/(2t) (3 - 4 exp(-t/T) + exp(-2t/T))))."""
 
 
-class ImuErrors:
-    """Error model of an IMU: axis errors for each tick, orientation errors for each sample."""
+CALIBRATED_C = 25.0
+"""Temperature at which there are no thermal errors."""
 
-    def __init__(self, spec: InertialUnit, streams: RandomStreams) -> None:
+
+class ImuErrors:
+    """Error model of an IMU: axis errors for each tick, orientation errors for each sample.
+
+    Parameters
+    ----------
+    air_c
+        temperature of the air; None: the sensor is at that of its calibration.
+    """
+
+    def __init__(
+        self, spec: InertialUnit, streams: RandomStreams, air_c: float | None = None
+    ) -> None:
+        self._spec = spec
+        self._air_c = air_c
         self._streams = streams
         self._normals = NORMALS[spec.noise_source]
         self._schedule = Schedule.at(spec.rate_hz)
@@ -47,8 +61,13 @@ class ImuErrors:
             time_constants_s=[*_six([t.bias_time_constant_s for t in triads]), *[math.inf] * 6],
             noise_source=spec.noise_source,
         )
-        self._force_axes = self._axes(spec.accelerometer, "accelerometer")
-        self._rate_axes = self._axes(spec.gyroscope, "gyroscope")
+        self._bias_per_k = _six([t.bias_per_k for t in triads]) * self._of_the_run("bias_per_k")
+        self._scale_per_k = _six([t.scale_per_k for t in triads]) * self._of_the_run("scale_per_k")
+        self._calibrated = [
+            self._axes(spec.accelerometer, "accelerometer"),
+            self._axes(spec.gyroscope, "gyroscope"),
+        ]
+        self._force_axes, self._rate_axes = self._calibrated
         by_force = self._of_the_run("g_sensitivity", 9).reshape(3, 3)
         self._rate_by_force = (spec.gyroscope.g_sensitivity * by_force).tolist()
         self._block = self._orientation_block = -1
@@ -59,7 +78,13 @@ class ImuErrors:
         """Apply the errors to a tick's specific force (m/s^2) and angular rate (rad/s)."""
         block, row = divmod(tick, BLOCK_TICKS)
         if block != self._block:
-            self._rows, self._block = self.added(block).tolist(), block
+            errors, self._block = self.added(block), block
+            if self._air_c is not None:
+                warmer_k = self.temperature_c(block * BLOCK_TICKS, self._air_c) - CALIBRATED_C
+                errors += self._bias_per_k * warmer_k
+                scales = 1 + self._scale_per_k.reshape(2, 3, 1) * warmer_k
+                self._force_axes, self._rate_axes = (scales * self._calibrated).tolist()
+            self._rows = errors.tolist()
         added = self._rows[row]
         fx, fy, fz = force
         rx, ry, rz = rate
@@ -69,6 +94,11 @@ class ImuErrors:
             for (xx, xy, xz), (gx, gy, gz) in zip(self._rate_axes, self._rate_by_force, strict=True)
         ]
         return [value + error for value, error in zip(felt, added, strict=True)]
+
+    def temperature_c(self, tick: int, air_c: float) -> float:
+        """Return the sensor's temperature; at tick 0 it is that of the air."""
+        spec = self._spec
+        return air_c - spec.self_heating_k * math.expm1(-tick * TICK_SECONDS / spec.warm_up_s)
 
     def added(self, block: int) -> NDArray[np.float64]:
         """Return the additive errors of the 128 ticks from 128 block on, shape (128, 6)."""

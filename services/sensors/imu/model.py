@@ -94,7 +94,7 @@ class ImuModel:
         self._mount = spec.mount
         self._schedule = Schedule.at(spec.rate_hz)
         streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
-        self._errors = ImuErrors(spec, streams)
+        self._errors = ImuErrors(spec, streams, scenario.world.weather.temperature_c)
         self._orientation_variance = math.radians(spec.orientation_stddev_deg) ** 2
         self._triads = (spec.accelerometer, spec.gyroscope)
         self._limits = [t.saturation or math.inf for t in self._triads for _ in range(3)]

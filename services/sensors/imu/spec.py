@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar, Literal
 from msgspec import Meta
 
 from groundlink.core.clock import TICK_NANOS, TICK_SECONDS
-from groundlink.core.fields import NonNegative, Spec
+from groundlink.core.fields import NonNegative, Positive, Spec
 from groundlink.messages.base import Imu
 from groundlink.messages.reading_schedule import Events, ReadingSchedule
 from groundlink.scenario.every_sensor import Carrier, Rate, SensorSpec
@@ -62,6 +62,13 @@ class InertialNoise(Spec, frozen=True):
     """1 sigma of the angles between each axis and its nominal direction, towards each of the other
     two axes, drawn once per run."""
 
+    bias_per_k: NonNegative = 0.0
+    """1 sigma of the bias for each kelvin from 25 degrees Celsius, drawn once per run for each
+    axis, in the quantity's unit. Acts where the world's weather has a temperature."""
+
+    scale_per_k: NonNegative = 0.0
+    """1 sigma of the relative scale error for each kelvin from 25 degrees Celsius, likewise."""
+
     bandwidth_hz: Bandwidth = 0.0
     """-3 dB frequency of the second-order Butterworth low pass; 0 for no low pass. The orientation
     is not filtered."""
@@ -108,6 +115,13 @@ class InertialUnit(SensorSpec, frozen=True, tag="imu"):
 
     orientation_stddev_deg: NonNegative = 0.0
     """White noise of the orientation about each axis, 1 sigma."""
+
+    self_heating_k: NonNegative = 0.0
+    """How much warmer than the air the sensor becomes. It starts as warm as the air, where the
+    world's weather has a temperature."""
+
+    warm_up_s: Positive = 300.0
+    """Time constant of the self-heating: time to 63 % of it."""
 
     noise_source: Literal["marsaglia", "numpy"] = "marsaglia"
     """Generator of normally distributed numbers: Marsaglia's polar method as in the paper, or

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
 """Labels of pictures and clouds: segmentation images, boxes in pictures and in space.
 
-Imported by models of cameras and LiDARs whose scenario asks for labels. Knows no bus.
+Made by models of cameras and LiDARs whose scenario asks for labels. Knows no bus.
 """

@@ -18,7 +18,7 @@ KIND = SensorKind(
         "boxes_3d": Detections3D,
     },
     model="services.sensors.lidar.model:LidarModel",
-    native="services.sensors.lidar.vlp16:vlp16_device",
+    native="services.sensors.lidar.native:native_device",
     sees_world=True,
     bulky=True,
     disturb={"range": "services.sensors.lidar.fault_effects:offset_range"},

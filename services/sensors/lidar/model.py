@@ -13,10 +13,13 @@ import numpy as np
 from groundlink.messages.base import POINT, PointCloud, State, packed
 from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
 from groundlink.scenario.schema import Scenario, Vehicle
+from services.sensors.labels.cloud_labels import CloudLabels
 from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Reals
 from services.sensors.runtime.model import LeftOut, Made, StreamMessage
+from services.sensors.scanning.mirror_sweep import MirrorSweep
 from services.sensors.scanning.scanner import Scan, Scanner
+from services.sensors.scanning.sweep import Sweep
 
 from .spec import Lidar
 
@@ -36,15 +39,15 @@ class LidarModel:
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Lidar) -> None:
         self._frame = vehicle.frame_prefix + spec.frame
-        self.scanner = Scanner(scenario, vehicle, spec, truth=spec.truth, labels=bool(spec.labels))
-        self._labels = None
-        if spec.labels:
-            # Only labeled LiDARs load this module.
-            from services.sensors.labels.cloud_labels import CloudLabels
-
-            self._labels = CloudLabels(
-                *(scenario, vehicle, self.scanner.replica, spec.mount, spec.labels)
-            )
+        sweep = MirrorSweep(spec, spec.mirror) if spec.mirror else Sweep(spec)
+        self.scanner = Scanner(
+            *(scenario, vehicle, spec, sweep), truth=spec.truth, labels=bool(spec.labels)
+        )
+        self._labels = (
+            CloudLabels(scenario, vehicle, self.scanner.replica, spec.mount, spec.labels)
+            if spec.labels
+            else None
+        )
         self.restart, self.behind = self.scanner.restart, self.scanner.behind
         self.settled_tick = self.scanner.settled_tick
         self._seconds: Reals = self.scanner.blocks.since_start(self.scanner.sweep.seconds)
@@ -77,7 +80,7 @@ class LidarModel:
         points = np.empty(np.count_nonzero(returns.returned), POINT)
         true_points = np.empty(len(points), TRUE_POINT)
         of_truth = (None,) * 3 if scan.truth is None else (*scan.truth, true_points)
-        of_rays = sweep.directions_in_sensor, sweep.heights_m, sweep.rings, self._seconds
+        of_rays = scan.directions_in_sensor, sweep.heights_m, sweep.rings, self._seconds
         of_hits = returns.range_m, returns.returned, returns.intensity
         stride = returns.range_m.strides[1] // returns.range_m.itemsize
         kernels().groundlink_points(

@@ -7,7 +7,7 @@ import numpy as np
 
 from groundlink.messages.base import POINT, PointCloud, packed
 from groundlink.scenario.every_sensor import Address, Carrier
-from groundlink.scenario.rotating_lidar import RotatingLidar
+from groundlink.scenario.rotating_lidar import RotatingLidar, TurningMirror
 
 
 class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
@@ -17,8 +17,18 @@ class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
     """Elevation of each laser, from the lowest (ring 0) to the highest."""
 
     native: Address | None = None
-    """Address for the native data packets of a VLP-16, sent in addition. Position packets go to
-    port 8308 of the same host."""
+    """Address for the device's own data packets, sent in addition. Position packets of a VLP-16 go
+    to port 8308 of the same host."""
+
+    native_format: Literal[
+        "vlp16", "hesai_xt32", "livox_mid360", "ouster_legacy", "ouster_rng19_rfl8_sig16_nir16"
+    ] = "vlp16"
+    """Format of the device's own packets. Data sheets set that of their device."""
+
+    mirror: TurningMirror | None = None
+    """Mirror that scans without repeating itself, instead of a turning head. `elevations_deg` are
+    then the offsets of the beams in their fan, in any order, `start_deg` and `rotation` those of
+    the mirror, and a revolution is the period of the device's messages."""
 
     truth: bool = False
     """Publish the true position and the body of each point of a cloud on `<topic>/truth`."""

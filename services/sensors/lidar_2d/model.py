@@ -19,7 +19,7 @@ from groundlink.messages.imagery import LaserScan
 from groundlink.scenario.schema import Scenario, Vehicle
 from services.sensors.runtime.model import LeftOut
 from services.sensors.scanning.scanner import Scan, Scanner
-from services.sensors.scanning.sweep import SIGNS
+from services.sensors.scanning.sweep import SIGNS, Sweep
 
 from .spec import Lidar2d
 
@@ -36,7 +36,7 @@ class Lidar2dModel:
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Lidar2d) -> None:
         self._spec = spec
         self._frame = vehicle.frame_prefix + spec.frame
-        self._scanner = Scanner(scenario, vehicle, spec)
+        self._scanner = Scanner(scenario, vehicle, spec, Sweep(spec))
         self.restart, self.behind = self._scanner.restart, self._scanner.behind
         self.settled_tick = self._scanner.settled_tick
         self._step_rad = SIGNS[spec.rotation] * 2 * math.pi / spec.firings_per_revolution

@@ -75,13 +75,13 @@ class RayProbe:
     def cast(
         self, nanos: int, origin_in_world: Floats, directions_in_world: Floats, max_range_m: float
     ) -> Hits:
-        """Return the hits of rays from one point at a sim time.
+        """Return the hits of rays at a sim time.
 
         Parameters
         ----------
         nanos
             As for `place`.
-        origin_in_world : shape (3,)
+        origin_in_world : shape (3,) or (3, rays)
         directions_in_world : shape (3, rays)
             Unit vectors.
         max_range_m
@@ -90,7 +90,7 @@ class RayProbe:
         scene = self.replica.scene
         scene.move(self.replica.motion(self._tick - 1, self._tick))
         rays = directions_in_world.shape[1]
-        origins = np.repeat(origin_in_world[:, None], rays, axis=1)
+        origins = np.broadcast_to(origin_in_world.reshape(3, -1), (3, rays))
         return scene.cast(
             origins.astype(np.float32),
             directions_in_world.astype(np.float32),

@@ -112,3 +112,18 @@ class NativeDevice(Protocol):
 
     def datagrams(self, reading: Any, epoch_nanos: int) -> Iterable[Datagram]:
         """Return the datagrams for a published reading; `epoch_nanos` is the epoch of the run."""
+
+
+@runtime_checkable
+class PortDevice(NativeDevice, Protocol):
+    """Device whose receivers check the port that datagrams come from."""
+
+    source_port: int
+
+
+@runtime_checkable
+class ModelDevice(NativeDevice, Protocol):
+    """Device whose datagrams say more of a reading than its message does, as its model knows it."""
+
+    def follow(self, model: Any) -> None:
+        """Use another model, that of a changed world."""

@@ -3,7 +3,7 @@
 
 The functions are pure: numbers in, text out. Values are rounded once, in whole units of the last
 decimal, so that 59.99999 minutes never become 60. Format: NMEA 0183 with the mode indicator
-(version 2.3 and later), talker GP. Sentences with centimeter-level solutions have seven decimals of
+(version 2.3 and later). Sentences with centimeter-level solutions have seven decimals of
 a minute. They exceed the standard's limit of 82 characters, as those of real receivers do.
 """
 
@@ -43,6 +43,8 @@ class Epoch(NamedTuple):
     north_mps: float = 0.0
     satellites: int = 0
     horizontal_dilution: float = 0.0
+    talker: str = "GP"
+    """GP for GPS alone, GN for several systems."""
 
     @property
     def fixed(self) -> bool:
@@ -59,9 +61,9 @@ def gga(epoch: Epoch) -> bytes:
     """Return the GGA sentence: position, quality and altitude above the geoid."""
     time, _ = _time_and_date(epoch)
     if not epoch.fixed:
-        return sentence("GPGGA", time, *[""] * 4, "0", "00", NO_DILUTION, *[""] * 6)
+        return sentence(f"{epoch.talker}GGA", time, *[""] * 4, "0", "00", NO_DILUTION, *[""] * 6)
     return sentence(
-        *("GPGGA", time, *_position(epoch), str(epoch.quality)),
+        *(f"{epoch.talker}GGA", time, *_position(epoch), str(epoch.quality)),
         *(f"{epoch.satellites:02d}", f"{epoch.horizontal_dilution:.2f}"),
         *(f"{epoch.altitude_m - epoch.geoid_m:.3f}", "M", f"{epoch.geoid_m:.3f}", "M", "", ""),
     )
@@ -71,19 +73,22 @@ def rmc(epoch: Epoch) -> bytes:
     """Return the RMC sentence: time, date, position, speed and course."""
     time, date = _time_and_date(epoch)
     if not epoch.fixed:
-        return sentence("GPRMC", time, "V", *[""] * 6, date, "", "", epoch.mode)
+        return sentence(f"{epoch.talker}RMC", time, "V", *[""] * 6, date, "", "", epoch.mode)
     speed, course = _motion(epoch)
     knots = f"{speed * KNOTS_PER_MPS:.3f}"
-    return sentence("GPRMC", time, "A", *_position(epoch), knots, course, date, "", "", epoch.mode)
+    return sentence(
+        *(f"{epoch.talker}RMC", time, "A", *_position(epoch)),
+        *(knots, course, date, "", "", epoch.mode),
+    )
 
 
 def vtg(epoch: Epoch) -> bytes:
     """Return the VTG sentence: course and speed over ground."""
     if not epoch.fixed:
-        return sentence("GPVTG", "", "T", "", "M", "", "N", "", "K", epoch.mode)
+        return sentence(f"{epoch.talker}VTG", "", "T", "", "M", "", "N", "", "K", epoch.mode)
     speed, course = _motion(epoch)
     knots, kmh = f"{speed * KNOTS_PER_MPS:.3f}", f"{speed * 3.6:.3f}"
-    return sentence("GPVTG", course, "T", "", "M", knots, "N", kmh, "K", epoch.mode)
+    return sentence(f"{epoch.talker}VTG", course, "T", "", "M", knots, "N", kmh, "K", epoch.mode)
 
 
 def sentence(*fields: str) -> bytes:

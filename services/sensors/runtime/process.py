@@ -32,7 +32,15 @@ from services.sensors.faults.fault_wrapper import FaultWrapper
 from services.sensors.faults.live import LiveFaults
 from services.sensors.noise.random_streams import RandomStreams
 
-from .model import NativeDevice, RemovedSensor, StreamMessage, stream_and_message
+from .model import (
+    ModelDevice,
+    NativeDevice,
+    PortDevice,
+    RemovedSensor,
+    SensorModel,
+    StreamMessage,
+    stream_and_message,
+)
 from .reading_ledger import ReadingLedger
 from .runner import SensorProcess
 
@@ -54,6 +62,10 @@ class NativeLink:
         self._host, self._port = address(destination)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
+        if isinstance(device, PortDevice):
+            # Several devices of this machine may send from the same port.
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            self._socket.bind(("", device.source_port))
         self.counters = {"native": 0, "native_unsent": 0}
         """Number of datagrams sent, and of datagrams that the operating system rejected."""
 
@@ -65,6 +77,11 @@ class NativeLink:
                 self.counters["native"] += 1
             except OSError:
                 self.counters["native_unsent"] += 1
+
+    def follow(self, model: SensorModel) -> None:
+        """Use another model, that of a changed world, if the device uses one."""
+        if isinstance(self._device, ModelDevice):
+            self._device.follow(model)
 
     def close(self) -> None:
         """Close the socket."""
@@ -79,6 +96,9 @@ class NoLink:
 
     def send(self, reading: Any, epoch_nanos: int) -> None:
         """Ignore the reading."""
+
+    def follow(self, model: SensorModel) -> None:
+        """Do nothing; no device uses a model."""
 
     def close(self) -> None:
         """Do nothing; no socket is open."""
@@ -198,7 +218,9 @@ def follower(
             wrapped.renew(RemovedSensor())
         elif kind.sees_world or wrapped.has_gone:
             ledger.because("world changed")
-            wrapped.renew(make_model(changed, found[0], spec))
+            model = make_model(changed, found[0], spec)
+            wrapped.renew(model)
+            link.follow(model)
         return True
 
     time = scenario.time

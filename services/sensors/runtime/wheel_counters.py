@@ -10,8 +10,9 @@ resolution away from angle zero. A wheel at rest at zero therefore does not flic
 count alike, and a counter differs from the angle by at most half a tick. (The paper's rule restarts
 at the last count, which causes a backlash of one tick. The two rules differ by at most one tick.)
 
-A wheel may have two errors: a relative scale error, drawn once per run, and slip, a random walk of
-the angle (`scale_stddev`, `slip_stddev`). The counter follows the angle with these errors.
+A wheel may have three errors: a relative scale error, drawn once per run (`scale_stddev`), an error
+that repeats with each turn (`eccentricity_deg`), and slip, a random walk of the angle
+(`slip_stddev`). The counter follows the angle with these errors.
 
 The memory consists of missed ticks, resets and slip. No ticks are missed and no slip is added while
 states are lost.
@@ -76,6 +77,9 @@ class WheelCounters:
         normal = self._streams.at("scale", 0).standard_normal(len(self.names))
         scales = (1 + spec.scale_stddev * normal).tolist()
         self._gears = [gear * scale for gear, scale in zip(self._gears, scales, strict=True)]
+        self._eccentricity = math.radians(spec.eccentricity_deg)
+        turns = self._streams.at("eccentricity", 0).random(len(self.names))
+        self._phases = (2 * math.pi * turns).tolist()
         self.remember(b"")
 
     def remember(self, memory: bytes) -> None:
@@ -113,6 +117,11 @@ class WheelCounters:
                 f"expected {self._joints}"
             )
         angles = [angles[i] * gear for i, gear in zip(self._wheels, self._gears, strict=True)]
+        if self._eccentricity:
+            angles = [
+                angle + self._eccentricity * (math.sin(angle + phase) - math.sin(phase))
+                for angle, phase in zip(angles, self._phases, strict=True)
+            ]
         if self._slip_stddev:
             angles = self._slipped(state.tick, angles)
         last = self._angles or angles

@@ -6,18 +6,7 @@
 
 #include "returns.h"
 
-#include <math.h>
-
 enum { WHITE_AT_M = 10, MOST_RAYS = 64 };
-
-/* Percent that a surface sends back, as it is slanted. */
-static inline float light_of(const struct receiver *receiver, const struct hits *hits, size_t ray)
-{
-    const float cosine = hits->normals[ray] * hits->directions[ray] +
-                         hits->normals[hits->rays + ray] * hits->directions[hits->rays + ray] +
-                         hits->normals[2 * hits->rays + ray] * hits->directions[2 * hits->rays + ray];
-    return 100 * receiver->reflectance[hits->labels[ray]] * fabsf(cosine);
-}
 
 /* The one echo of a beam of one ray; return whether there is one. */
 static inline size_t axis_echo(const struct receiver *receiver, const struct hits *hits, size_t ray,
@@ -86,6 +75,14 @@ static inline float intensity_of(const struct receiver *receiver, const struct e
     return rintf(101 + 154 * fminf(1, echo->light / (100 * receiver->retroreflection)));
 }
 
+/* The cell of a table at an intensity and a range. */
+static inline const struct band *band_at(const struct echo_bands *bands, float intensity, float range)
+{
+    const float row = fminf(intensity * bands->rows_per_intensity + 0.5f, BAND_CELLS - 1);
+    const float column = fminf(range * bands->columns_per_m + 0.5f, BAND_CELLS - 1);
+    return bands->cells + (size_t)(int32_t)row * BAND_CELLS + (int32_t)column;
+}
+
 /* Report an echo: noise, the laser's own error, rounding, limits, loss. Or none, which is infinite,
  * to the negative where something was too `near`. */
 static inline void report(const struct receiver *receiver, const struct echo *echo, int near,
@@ -102,13 +99,21 @@ static inline void report(const struct receiver *receiver, const struct echo *ec
         return;
     }
     const float step = receiver->range_resolution;
-    float measured = echo->range;
+    const float intensity = intensity_of(receiver, echo);
+    float measured = echo->range, banded = 0, dropout = receiver->dropout;
+    if (receiver->bands) {
+        const struct band *band = band_at(receiver->bands, intensity, echo->range);
+        banded = band->stddev;
+        dropout += (1 - dropout) * band->dropout;
+    }
     if (white) {
         float stddev = receiver->stddev[laser];
         if (receiver->range_share > 0) {
             const float share = receiver->range_share * echo->range;
             stddev = sqrtf(stddev * stddev + share * share);
         }
+        if (banded > 0)
+            stddev = stddev > 0 ? sqrtf(stddev * stddev + banded * banded) : banded;
         measured += stddev * white[draw];
     }
     measured += receiver->bias[laser];
@@ -116,8 +121,8 @@ static inline void report(const struct receiver *receiver, const struct echo *ec
         measured = rintf(measured / step) * step;
     returns->range[to] = measured;
     returns->returned[to] = measured >= receiver->min_range && measured <= receiver->max_range &&
-                            !(lost && lost[draw] < receiver->dropout);
-    returns->intensity[to] = intensity_of(receiver, echo);
+                            !(lost && lost[draw] < dropout);
+    returns->intensity[to] = intensity;
     returns->true_range[to] = echo->range;
     returns->labels[to] = echo->label;
     returns->bodies[to] = echo->body;
@@ -146,22 +151,29 @@ static void choose(const struct receiver *receiver, const struct echo *echoes, s
 }
 
 /* Measure firings `first` to `end`. Of hits and returns there are only these firings; random numbers
- * are of the whole revolution, or NULL where none are needed. */
+ * are of the whole revolution, or NULL where none are needed. `stray` has room for an echo of each
+ * beam where there is blooming. */
 void groundlink_returns(const struct receiver *receiver, const struct hits *hits,
                         const struct returns *returns, size_t first, size_t end,
-                        const float *white, const float *lost, const float *air)
+                        const float *white, const float *lost, const float *air,
+                        const float *gaps, struct echo *stray)
 {
     const size_t beams = receiver->lasers * receiver->firings, cast = receiver->lasers * (end - first);
     const size_t clouds = receiver->weather ? receiver->weather->clouds : 0;
-    struct echo echoes[MOST_RAYS + 2 + clouds];
+    struct echo echoes[MOST_RAYS + 3 + clouds];
     const struct echo *chosen[2];
     const int dual = receiver->mode == DUAL, plain = receiver->rays == 1 && !receiver->weather && !dual;
+    const int blooms = receiver->blooming && groundlink_bloom(receiver, hits, end - first, stray);
 
     for (size_t laser = 0; laser < receiver->lasers; laser++)
         for (size_t firing = first; firing < end; firing++) {
             const size_t beam = laser * receiver->firings + firing;
             const size_t to = laser * (end - first) + firing - first;
-            if (plain) {
+            const int edge = receiver->reach > 0 &&
+                             ((firing > first && leaps(hits->range[to], hits->range[to - 1])) ||
+                              (firing + 1 < end && leaps(hits->range[to], hits->range[to + 1])));
+            const int bloomed = blooms && stray[to].power > 0;
+            if (plain && !edge && !bloomed) {
                 const size_t count = axis_echo(receiver, hits, to, echoes);
                 const int seen = count && !(echoes->power < receiver->least_power);
                 report(receiver, seen ? echoes : NULL, 0, laser, white, lost, beam, returns, to);
@@ -169,7 +181,11 @@ void groundlink_returns(const struct receiver *receiver, const struct hits *hits
             }
             const size_t ray = to * receiver->rays;
             int near = 0;
-            size_t count = beam_echoes(receiver, hits, ray, echoes, &near);
+            size_t count = edge ? groundlink_edge_echoes(receiver, hits, to, firing - first,
+                                                         end - first, gaps + beam, echoes)
+                                : beam_echoes(receiver, hits, ray, echoes, &near);
+            if (bloomed)
+                count = groundlink_add_stray(receiver, &stray[to], echoes, count);
             if (receiver->weather)
                 count = groundlink_through_weather(receiver, hits, ray, air + beam, beams, echoes,
                                                    count);

@@ -9,6 +9,7 @@
 #ifndef GROUNDLINK_RETURNS_H
 #define GROUNDLINK_RETURNS_H
 
+#include <math.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -32,6 +33,27 @@ struct weather {
     const struct cloud *dust;
 };
 
+/* Noise and loss by intensity and range, in even steps from 0; a structure of the same name in
+ * `echo_bands.py` fills it. */
+enum { BAND_CELLS = 128 };
+struct band {
+    float stddev, dropout;
+};
+struct echo_bands {
+    float rows_per_intensity, columns_per_m;
+    const struct band *cells; /* rows of one intensity */
+};
+
+/* Light beside the footprints of beams; a structure of the same name in `stray_light.py` fills it. */
+struct blooming {
+    float share;            /* of its light at the edge of a footprint, which falls */
+    float per_rad;          /* by e in one over this, */
+    float footprint, limit; /* radians from a beam's axis: from where on, and to where */
+    int32_t firings;        /* at most so many to either side */
+    const int32_t *first;   /* of each laser, in the next two, and their end */
+    const int32_t *other, *shift; /* lasers that may be as near, and their firing beside one's own */
+};
+
 struct receiver {
     size_t lasers, firings, rays;
     int32_t mode, received;
@@ -42,6 +64,9 @@ struct receiver {
     const float *reflectance;      /* by label, up to 1 where diffuse */
     float retroreflection;         /* reflectance of the ideal retroreflector */
     const struct weather *weather; /* or NULL */
+    const struct echo_bands *bands; /* or NULL */
+    float reach; /* of a footprint beyond its axis, in firings; 0: beams have no edges */
+    const struct blooming *blooming; /* or NULL */
 };
 
 struct hits {
@@ -61,6 +86,37 @@ struct echo {
     float range, light, power;
     int32_t label, body, ray; /* of the ray that brings most of it, and its number in the beam */
 };
+
+/* Percent that a surface sends back, as it is slanted. */
+static inline float light_of(const struct receiver *receiver, const struct hits *hits, size_t ray)
+{
+    const float cosine = hits->normals[ray] * hits->directions[ray] +
+                         hits->normals[hits->rays + ray] * hits->directions[hits->rays + ray] +
+                         hits->normals[2 * hits->rays + ray] * hits->directions[2 * hits->rays + ray];
+    return 100 * receiver->reflectance[hits->labels[ray]] * fabsf(cosine);
+}
+
+/* Whether the range changes so much to the next hit of a laser that an edge may lie between them. */
+#define EDGE_M 0.05f
+static inline int leaps(float range, float next)
+{
+    return !(fabsf(range - next) < EDGE_M) && (range < INFINITY || next < INFINITY);
+}
+
+/* Echoes of a beam of one ray between two surfaces, from near to far; return how many, at most three.
+ * `gaps` are where between a firing and the next an edge lies, 0..1. There are `firings` of a laser,
+ * and `ray` is number `firing` of them. */
+size_t groundlink_edge_echoes(const struct receiver *receiver, const struct hits *hits, size_t ray,
+                              size_t firing, size_t firings, const float *gaps, struct echo *echoes);
+
+/* Find for each ray the retroreflector of which it gets most light beside its footprint; `power` is 0
+ * where there is none. Return whether any was hit; if not, nothing is written. */
+int groundlink_bloom(const struct receiver *receiver, const struct hits *hits, size_t firings,
+                     struct echo *stray);
+
+/* Add that light to the echoes of a beam; return how many there are then, at most one more. */
+size_t groundlink_add_stray(const struct receiver *receiver, const struct echo *stray,
+                            struct echo *echoes, size_t count);
 
 /* Weaken the echoes of surfaces that a beam met, which begins with `ray`, and append those of the air
  * before the nearest; return how many there are then. `draws` are three random numbers in 0..1,

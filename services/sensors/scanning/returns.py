@@ -4,7 +4,9 @@
 A surface returns rho cos(incidence) / R^2 of the light, less what the air absorbs, and is detected
 above a threshold. Rays of a beam that end within half a pulse's length of the next one form one
 return, at the mean of their ranges weighted by power. Errors act on detections in this order: white
-noise, the laser's bias, rounding, limits, dropout. Surfaces are hit from either side.
+noise, the laser's bias, rounding, limits, dropout. Surfaces are hit from either side. Noise and
+dropout may depend on intensity and range (`echo_bands.py`), and a beam may get light of surfaces
+beside its axis (`stray_light.py`).
 
 Not modeled: the pulse's shape, cross-talk, sunlight, mirrors, glass.
 """
@@ -24,6 +26,8 @@ from services.sensors.rays.scene import Hits, Numbers, Reals
 
 from .beams import Rays
 from .draws import RevolutionDraws
+from .echo_bands import BandTable
+from .stray_light import ECHO_BYTES, StrayLight
 from .sweep import Sweep
 from .weather import Atmosphere
 
@@ -56,7 +60,8 @@ class Returns(NamedTuple):
     """Number of the moving body that was hit; -1 for a static one, or none."""
 
     ray: Numbers
-    """Number within its beam of the ray that returned most of the light; 0 for none."""
+    """Number within its beam of the ray that returned most of the light; 0 for none. For stray
+    light, the distance to that ray in the array of all rays."""
 
     def of(self, firings: slice) -> "Returns":
         """Return views of some of these firings."""
@@ -73,6 +78,7 @@ class _Receiver(ctypes.Structure):
         *((name, c_float) for name in ("min_range", "max_range", "dropout", "cell", "least_power")),
         *((name, c_void_p) for name in ("stddev", "bias", "reflectance")),
         *(("retroreflection", c_float), ("weather", c_void_p)),
+        *(("bands", c_void_p), ("reach", c_float), ("blooming", c_void_p)),
     )
 
 
@@ -107,6 +113,7 @@ class LidarReceiver:
         `Material.reflectance` by label.
     air : Air or None
         None for clear air.
+    stray : StrayLight
     streams : RandomStreams
     draws : Draws
 
@@ -122,18 +129,26 @@ class LidarReceiver:
         sweep: Sweep,
         reflectance: Reals,
         air: Atmosphere | None,
+        stray: StrayLight,
         streams: RandomStreams,
         draws: RevolutionDraws,
     ) -> None:
-        self._spec, self._draws, self._air = spec, draws, air
+        self._spec, self._draws, self._air, self._stray = spec, draws, air, stray
+        bands = spec.echo_bands
+        self._bands = None if bands is None else BandTable(bands)
         lasers, firings = len(sweep.rings), sweep.seconds.shape[1]
         bias = streams.at("bias", 0).uniform(-spec.laser_bias_m, spec.laser_bias_m, lasers)
         self.bias_m: Reals = bias[sweep.rings].astype(np.float32)
         of_laser = np.array(spec.laser_stddevs_m or [0.0] * lasers)[sweep.rings]
         self._stddevs: Reals = np.hypot(spec.range_stddev_m, of_laser).astype(np.float32)
-        self._noisy = bool(self._stddevs.any()) or spec.range_stddev_share > 0
+        banded = bands is not None and bool(bands.stddev_m)
+        self._noisy = bool(self._stddevs.any()) or spec.range_stddev_share > 0 or banded
+        self._loses = spec.dropout > 0 or (bands is not None and bool(bands.dropout))
         self._shape = spec.returns_per_ray, lasers, firings
         self._reflectance = reflectance
+        blooming = stray.blooming if reflectance.max(initial=0) > 1 else None
+        # Allocated once: pages of new memory cost more than the computation.
+        self._echoes = np.empty(0 if blooming is None else lasers * firings * ECHO_BYTES, np.uint8)
         self._structure = _Receiver(
             *(lasers, firings, spec.rays_per_beam),
             *(MODES.index(spec.returns), spec.intensity == "received"),
@@ -142,6 +157,9 @@ class LidarReceiver:
             *(spec.cell_m, spec.least_power),
             *(self._stddevs.ctypes.data, self.bias_m.ctypes.data, reflectance.ctypes.data),
             *(RETROREFLECTION, None if air is None else ctypes.addressof(air.structure)),
+            None if self._bands is None else ctypes.addressof(self._bands.structure),
+            stray.reach,
+            None if blooming is None else ctypes.addressof(blooming),
         )
 
     def measure(self, hits: Hits, rays: Rays, firings: range, tick: int) -> Returns:
@@ -171,17 +189,18 @@ class LidarReceiver:
             ctypes.byref(_Returns(*(array.ctypes.data for array in made))),
             *(firings.start, firings.stop),
             *(None if numbers is None else numbers.ctypes.data for numbers in drawn),
+            self._echoes.ctypes.data,
         )
         return made
 
-    def _drawn(self, tick: int) -> tuple[Reals | None, Reals | None, Reals | None]:
-        """Return the random numbers for noise, dropout and air of a revolution, where needed."""
-        white = lost = air = None
+    def _drawn(self, tick: int) -> tuple[Reals | None, ...]:
+        """Return a revolution's random numbers for noise, dropout, air and edges, where needed."""
+        white = lost = air = gaps = None
         if self._noisy:
             white = self._draws.of(
                 "range", tick, lambda source: source.standard_normal(self._shape, np.float32)
             )
-        if self._spec.dropout:
+        if self._loses:
             lost = self._draws.of(
                 "dropout", tick, lambda source: source.random(self._shape, np.float32)
             )
@@ -189,4 +208,8 @@ class LidarReceiver:
             air = self._draws.of(
                 "air", tick, lambda source: source.random((3, *self._shape[1:]), np.float32)
             )
-        return white, lost, air
+        if self._stray.reach:
+            gaps = self._draws.of(
+                "edges", tick, lambda source: source.random(self._shape[1:], np.float32)
+            )
+        return white, lost, air, gaps

@@ -28,6 +28,7 @@ from services.sensors.runtime.model import LeftOut
 from .beams import Beams
 from .draws import RevolutionDraws
 from .returns import LidarReceiver, Returns
+from .stray_light import StrayLight
 from .sweep import Sweep
 from .truth import Cast, TrueReturns, TrueView
 from .weather import atmosphere_of
@@ -39,10 +40,18 @@ class FiringBlocks(Blocks):
     All but the last block of a revolution end with their last ray, which may leave after the next
     firing has begun. The last block ends where the next revolution begins, or with its last ray if
     the head does not fire until then.
+
+    Parameters
+    ----------
+    spec : RotatingLidar
+    sweep : Sweep
+    neighbors : int
+        Firings before and after a firing, in its revolution, whose hits it depends on.
     """
 
-    def __init__(self, spec: RotatingLidar, sweep: Sweep) -> None:
+    def __init__(self, spec: RotatingLidar, sweep: Sweep, neighbors: int = 0) -> None:
         super().__init__(spec)
+        self._neighbors = neighbors
         self._late_nanos = round(sweep.latest_seconds * NANOS)
 
     def since_start(self, seconds: Floats) -> Reals:
@@ -61,9 +70,25 @@ class FiringBlocks(Blocks):
         first = self.first_firings
         return revolution, range(first[index], first[index + len(blocks)])
 
+    def cast(self, firings: range) -> range:
+        """Return the firings of a revolution that some firings of it depend on."""
+        first, last = self.first_firings[0], self.first_firings[-1]
+        return range(
+            max(first, firings.start - self._neighbors), min(last, firings.stop + self._neighbors)
+        )
+
     def first_tick(self, block: int) -> int:
-        """Return the last tick that is not after a block's start."""
-        return self.nanos(block) // TICK_NANOS
+        """Return the last tick that is not after the first firing that a block depends on."""
+        revolution, own = self.firings(range(block, block + 1))
+        first = revolution * self.firings_per_turn + self.cast(own).start
+        return self.firing_times.nanos(first) // TICK_NANOS
+
+    def after(self, nanos: int) -> int:
+        """Return the first block that depends on no firing before a sim time."""
+        block = self.at_or_after(nanos)
+        while self.first_tick(block) * TICK_NANOS < nanos // TICK_NANOS * TICK_NANOS:
+            block += 1
+        return block
 
     def end_tick(self, block: int) -> int:
         """Return the tick whose state completes a block."""
@@ -72,7 +97,9 @@ class FiringBlocks(Blocks):
         end = self.firing_times.tick(after)
         if after % self.firings_per_turn == 0:
             return end
-        latest = self.firing_times.nanos(after - 1) + self._late_nanos
+        in_turn = self.cast(range(after % self.firings_per_turn)).stop
+        last = revolution * self.firings_per_turn + in_turn - 1
+        latest = self.firing_times.nanos(last) + self._late_nanos
         return max(end, -(-latest // TICK_NANOS))
 
     def complete_by(self, tick: int, block: int) -> int:
@@ -96,6 +123,9 @@ class Scan(NamedTuple):
     revolution: int
     firings: range
     """Firings of the revolution."""
+
+    directions_in_sensor: Reals
+    """`Sweep.directions_in_sensor` of the revolution."""
 
     returns: Returns
     """Returns of these firings."""
@@ -128,6 +158,7 @@ class Scanner:
         scenario: Scenario,
         vehicle: Vehicle,
         spec: RotatingLidar,
+        sweep: Sweep,
         *,
         truth: bool = False,
         labels: bool = False,
@@ -135,8 +166,9 @@ class Scanner:
         self._has_labels = labels
         self._max_range_m = spec.max_range_m
         self._schedule = Schedule.at(spec.rotation_rate_hz)
-        self.sweep = Sweep(spec)
-        self.blocks = FiringBlocks(spec, self.sweep)
+        self.sweep = sweep
+        stray = StrayLight(spec, self.sweep.rings)
+        self.blocks = FiringBlocks(spec, self.sweep, stray.neighbors)
         self.replica = Replica(scenario, vehicle, spec.mount.xyz_m)
         self._true_view = TrueView(self.replica, spec.mount) if truth else None
         streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
@@ -144,7 +176,7 @@ class Scanner:
         self._beams = Beams(spec, self.sweep, draws)
         air = atmosphere_of(spec, scenario.world.weather)
         self.receiver = LidarReceiver(
-            spec, self.sweep, self.replica.reflectivity, air, streams, draws
+            spec, self.sweep, self.replica.reflectivity, air, stray, streams, draws
         )
         self._waiting = 0
         self.restart()
@@ -179,7 +211,7 @@ class Scanner:
             raise
         self._tick = state.tick
         if self._block < 0:
-            self._begin(self.blocks.at_or_after(state.tick * TICK_NANOS))
+            self._begin(self.blocks.after(state.tick * TICK_NANOS))
         scans: list[Scan | LeftOut] = []
         while self.blocks.end_tick(self._block) <= state.tick:
             blocks = range(self._block, self.blocks.complete_by(state.tick, self._block))
@@ -198,6 +230,7 @@ class Scanner:
     def _scans(self, blocks: range) -> list[Scan]:
         """Measure blocks of one revolution, with one cast."""
         revolution, firings = self.blocks.firings(blocks)
+        firings = self.blocks.cast(firings)
         cast = self.measure(revolution, firings)
         scans = []
         for block in blocks:
@@ -207,7 +240,8 @@ class Scanner:
             if self._true_view is not None:
                 truth = self._true_view.see(cast, of_cast, nanos)
             poses = self.replica.at(nanos) if self._has_labels else None
-            scans.append(Scan(nanos, revolution, own, cast.returns.of(of_cast), truth, poses))
+            of_rays = own, self.sweep.directions_in_sensor
+            scans.append(Scan(nanos, revolution, *of_rays, cast.returns.of(of_cast), truth, poses))
         return scans
 
     def measure(self, revolution: int, firings: range) -> Cast:
@@ -218,6 +252,7 @@ class Scanner:
         poses = self.replica.motion(first_tick, self._schedule.tick(revolution + 1))
         start_seconds = (start_nanos - first_tick * TICK_NANOS) / NANOS
         tick = self._schedule.tick(revolution)
+        self.sweep.aim(revolution)
         self.sweep.follow(poses[:, self.replica.base], start_seconds, firings)
         self.replica.scene.move(poses)
         rays = self._beams.rays(firings, tick)

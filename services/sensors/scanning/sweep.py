@@ -82,13 +82,7 @@ class Sweep:
         turned = 2 * np.pi * spec.rotation_rate_hz * self.seconds + ahead
         turned += np.radians(ahead_by_encoder_deg(spec))
         azimuth = sign * turned
-        self.directions_in_sensor: Reals = np.stack(
-            [
-                np.cos(elevation) * np.cos(azimuth),
-                np.cos(elevation) * np.sin(azimuth),
-                np.broadcast_to(np.sin(elevation), azimuth.shape),
-            ]
-        ).astype(np.float32)
+        self.directions_in_sensor: Reals = unit_vectors(azimuth, elevation).astype(np.float32)
         self.origins_in_world: Reals = np.empty_like(self.directions_in_sensor)
         self.directions_in_world: Reals = np.empty_like(self.directions_in_sensor)
         self.times: Reals = np.empty_like(self.directions_in_sensor[0])
@@ -104,6 +98,9 @@ class Sweep:
             *(self._late.ctypes.data, self.heights_m.ctypes.data),
             self.directions_in_sensor.ctypes.data,
         )
+
+    def aim(self, revolution: int) -> None:
+        """Do nothing; the rays of a head have the same directions in every revolution."""
 
     def follow(self, world_from_base: Floats, start_seconds: float, firings: range) -> None:
         """Compute origins and directions of rays from the sensor's pose at their instants.
@@ -139,6 +136,19 @@ class Sweep:
             self._timed = start_seconds, intervals
             times = np.clip((start_seconds + self.seconds) / (intervals * TICK_SECONDS), 0, 1)
             np.copyto(self.times, times, casting="same_kind")
+
+
+def unit_vectors(azimuth: Floats, elevation: Floats) -> Floats:
+    """Return directions, shape (3, lasers, firings): x forward, y left, z up.
+
+    Parameters
+    ----------
+    azimuth, elevation : float64 arrays that broadcast to (lasers, firings)
+        Radians.
+    """
+    up = np.broadcast_to(np.sin(elevation), azimuth.shape)
+    level = np.cos(elevation)
+    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), up])
 
 
 def ahead_by_encoder_deg(spec: RotatingLidar) -> Floats:

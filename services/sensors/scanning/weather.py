@@ -107,7 +107,7 @@ class Atmosphere:
 
 def atmosphere_of(spec: RotatingLidar, weather: Weather) -> Atmosphere | None:
     """Return the air around a device; None if it is clear, or the device has no threshold."""
-    return Atmosphere(spec, weather) if weather != Weather() and spec.least_power else None
+    return Atmosphere(spec, weather) if not weather.is_clear and spec.least_power else None
 
 
 def _hazy(visibility_m: float, cell_m: float) -> tuple[float, float]:

@@ -9,6 +9,7 @@ ROS, and the same stamp.
 
 from groundlink.messages.base import BusMessage
 from groundlink.scenario.schema import Scenario, Vehicle
+from services.sensors.labels.picture_labels import PictureLabels
 from services.sensors.rendering.cameras.camera_eye import CameraEye
 from services.sensors.rendering.cameras.messages import ENCODINGS, camera_info, image, jpeg
 from services.sensors.rendering.gl.target import COLOR_ALONE, COLOR_AND_LABELS
@@ -41,12 +42,7 @@ class StereoCameraModel(PictureModel):
             layers=COLOR_AND_LABELS if spec.labels else COLOR_ALONE,
             to_the_right_m=(0.0, spec.baseline_m),
         )
-        self._labels = None
-        if spec.labels:
-            # Only labeled cameras load this module.
-            from services.sensors.labels.picture_labels import PictureLabels
-
-            self._labels = PictureLabels(scenario, vehicle, spec, self._eyes)
+        self._labels = PictureLabels(scenario, vehicle, spec, self._eyes) if spec.labels else None
         super().__init__(spec, self._eyes.eye, span_nanos=self._eyes.span_nanos)
         self._frame = vehicle.frame_prefix + spec.frame
         self._outputs = spec.ros_topics().keys()

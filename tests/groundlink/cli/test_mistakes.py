@@ -156,3 +156,35 @@ def test_a_line_of_a_process_has_its_name_once(capsys: pytest.CaptureFixture[str
     for text in ("gateway: cannot bind", "cannot bind"):
         run._log("gateway", text)
     assert capsys.readouterr().out == "gateway: cannot bind\n" * 2
+
+
+LOOP = """
+name: loop
+world: lab
+time: {mode: fast, lockstep: ros, clock_rate_hz: 50, answers: {/cmd_vel: /clock}}
+vehicles:
+  - {name: rover, model: rover}
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--ros loop.yaml", "--ros: no command. Fix: pass `--ros SCENARIO -- COMMAND...`"),
+        ("--ros loop.yaml --limit 0 -- true", "--limit 0: expected more than 0 s"),
+        ("--ros loop.yaml --duration nan -- true", "--duration nan: expected more than 0 s"),
+        ("--ros indoor_lab -- true", "indoor_lab: `time.lockstep` is not `ros`"),
+        ("--ros wrong.yaml -- true", "wrong.yaml: `time.answers`: /cmd_vel cannot answer /nothing"),
+    ],
+)
+def test_verify_of_a_stack_says_what_it_lacks(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: str,
+    said: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("loop.yaml").write_text(LOOP, encoding="utf-8")
+    Path("wrong.yaml").write_text(LOOP.replace("vel: /clock", "vel: /nothing"), encoding="utf-8")
+    assert said in line(capsys, "verify", *words.split())

@@ -28,6 +28,8 @@ def test_they_agree_with_the_vectorised_ones(first: Quaternion, second: Quaterni
         (quaternions.rotation_vector(quaternions.half_of(first)), turn / 2, 1e-14),
     ):
         np.testing.assert_allclose(found, expected, atol=off)
+    forward = frames.matrix_from_quaternion(first)[:, 0]
+    assert quaternions.heading_rad(first) == math.atan2(forward[1], forward[0])
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-300, 1e-160, 1e-12, 1e-5, 0.1, 3.0, math.pi])

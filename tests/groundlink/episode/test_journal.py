@@ -41,7 +41,7 @@ from groundlink.loader.additions import KINDS
 from groundlink.messages.base import Ack, Command, State, WheelCommand, packed
 from groundlink.messages.navigation import JointState
 from groundlink.scenario.every_sensor import UnknownSensor
-from groundlink.scenario.schema import EntityDescription
+from groundlink.world.actors import EntityDescription
 
 SCENARIO = load(str(Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"))
 

@@ -74,10 +74,9 @@ def test_a_path_may_begin_anywhere(path: str, found: list[str]) -> None:
 
 
 def test_a_field_of_several_kinds_is_found_in_each() -> None:
-    assert paths("dropout") == [
-        f"vehicles.sensors.{kind}.dropout" for kind in ("lidar", "lidar_2d", "range")
-    ]
-    assert paths("vehicles.sensors.dropout") == paths("dropout")
+    of_sensors = [f"vehicles.sensors.{kind}.dropout" for kind in ("lidar", "lidar_2d", "range")]
+    assert paths("dropout") == [*of_sensors, "vehicles.sensors.lidar.echo_bands.dropout"]
+    assert paths("vehicles.sensors.dropout") == of_sensors
 
 
 def test_a_field_that_all_kinds_share_has_one_path() -> None:

@@ -242,6 +242,7 @@ def test_every_cut_is_refused(message: BusMessage) -> None:
 HAVE_DEFAULTS = {("Health", "streams"), ("Health", "host")} | {
     ("Ack", "memory"),
     ("Ack", "commanded"),
+    ("Ack", "commands"),
     ("Vitals", "battery"),
     ("WheelCommand", "angles_rad"),
     ("State", "actors"),

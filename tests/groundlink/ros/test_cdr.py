@@ -5,18 +5,20 @@ import json
 import math
 from dataclasses import replace
 from importlib import import_module
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from groundlink.messages.base import BadBusMessage, BusMessage, Clock, Command, Relayed, packed
 from groundlink.messages.imagery import Range
 from groundlink.messages.navigation import JointState, OccupancyGrid, Odometry, PoseStamped
 from groundlink.ros.cdr import READERS, ROS_CODECS, reader, to_cdr
+from groundlink.ros.types import STORE
 from groundlink.scenario.ros_side import RosType
 from tests.udp_bridge.vectors import FOLDER, load
 from tests.vectors.examples import EXAMPLES, SUBSCRIBE, fields
@@ -24,6 +26,7 @@ from udp_bridge import Reassembler
 from udp_bridge.wire.control import Subscribe
 from udp_bridge.wire.types import MSG_TYPES, NUMBER_OF_ROS_TYPE
 
+ROS = Path(__file__).resolve().parents[3] / "ros"
 OLDER_STORE = get_typestore(Stores.ROS2_JAZZY)
 INCOMING = ("pose", "odometry", "map")
 TWIST = "geometry_msgs/msg/Twist"
@@ -64,6 +67,15 @@ def test_ros_itself_reads_and_writes_the_same(name: str) -> None:
 
 def test_subscribe_vector_matches_its_json() -> None:
     assert Subscribe.parse(body("subscribe")) == SUBSCRIBE
+
+
+def test_definitions_are_those_of_the_packages_for_ros() -> None:
+    files = [*ROS.glob("groundlink_msgs/msg/*.msg"), *ROS.glob("vision_msgs/msg/*.msg")]
+    known = {f"{file.parts[-3]}/msg/{file.stem}": file.read_text() for file in files}
+    packages = ("groundlink_msgs/", "vision_msgs/")
+    assert known.keys() == {name for name in STORE.types if name.startswith(packages)}
+    for name, text in known.items():
+        assert get_types_from_msg(text, name)[name] == STORE.fielddefs[name]
 
 
 def test_every_type_of_the_wire_is_on_the_bus() -> None:

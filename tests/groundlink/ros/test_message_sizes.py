@@ -13,7 +13,7 @@ from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import packed
-from groundlink.messages.ground_truth import TRUE_POINT, TruePoints
+from groundlink.messages.ground_truth import LABELED_POINT, TRUE_POINT, LabeledPoints, TruePoints
 from groundlink.messages.imagery import Image
 from groundlink.ros.cdr import to_cdr
 from groundlink.ros.message_sizes import NeverFits, body_bytes, cut, fitting_block_deg
@@ -56,12 +56,21 @@ def test_the_cut_is_the_bridges_own(
 
 @pytest.mark.parametrize("gateway", GATEWAYS, ids=str)
 @pytest.mark.parametrize("block_deg", [0.0, 15.0])
-def test_the_truth_is_cut_like_any_message(gateway: GatewaySettings, block_deg: float) -> None:
-    lidar = replace(LIDAR, block_deg=block_deg, truth=True)
-    found = cut(ROVER, lidar, gateway, truth=True)
+@pytest.mark.parametrize(
+    ("stream", "topic", "kind", "record"),
+    [
+        ("truth", "/points/truth", TruePoints, TRUE_POINT),
+        ("labeled_points", "/points/labels/points", LabeledPoints, LABELED_POINT),
+    ],
+)
+def test_points_beside_a_cloud_are_cut_like_any_message(
+    gateway: GatewaySettings, block_deg: float, stream: str, topic: str, kind: Any, record: Any
+) -> None:
+    lidar = replace(LIDAR, block_deg=block_deg, truth=True, labels=("points",))
+    found = cut(ROVER, lidar, gateway, stream)
     points = 57_600 // lidar.blocks_per_revolution
-    truth = TruePoints(0, "lidar_link", packed(np.empty(points, TRUE_POINT)))
-    message = Message(1, "/points/truth", "lidar_link", 0, 0, bytes(to_cdr(truth)))
+    cloud = kind(0, "lidar_link", packed(np.empty(points, record)))
+    message = Message(1, topic, "lidar_link", 0, 0, bytes(to_cdr(cloud)))
     planned = plan(message, gateway.datagram, signed_peer=gateway.signed_peer)
     assert found.body_bytes == len(message.body)
     assert (found.part_bytes, found.parts) == (planned.part_size, planned.parts_max)
@@ -137,6 +146,11 @@ def test_check_lists_ground_truth(capsys: pytest.CaptureFixture[str], tmp_path: 
     assert "ground truth:\n           messages of up to 1497817 bytes" in told
     for topic in ("/ground_truth/wheels, 50 Hz", "/ground_truth/bodies, 10 Hz"):
         assert f"{topic}, sent to subscribers" in told
+
+
+def test_check_sizes_labeled_clouds(capsys: pytest.CaptureFixture[str], tmp_path: Any) -> None:
+    told = said(capsys, tmp_path, lidar=" labels: [points],")
+    assert "labeled points:\n           messages of up to 1497845 bytes in 23 datagrams" in told
 
 
 def test_check_refuses_what_fits_nowhere(capsys: pytest.CaptureFixture[str], tmp_path: Any) -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from groundlink.ros.node_graph import Answer, answers, graph_mistake, origins
+from groundlink.ros.node_graph import Answer, answers, graph_mistake, origins, publishers
 from groundlink.scenario.ros_side import RosNode
 from groundlink.scenario.schema import Time
 
@@ -45,6 +45,16 @@ def test_the_sources_of_each_topic() -> None:
     assert found["/cmd_vel"] == found["/path"] == {"/odom", "/scan"}
     assert found["/image"] == {"/scan"}
     assert list(found).index("/filtered") < list(found).index("/path")
+
+
+def test_publishers_come_after_the_publishers_of_what_they_consume() -> None:
+    found = list(publishers(STACK).items())
+    assert found[-2:] == [("/path", "planner"), ("/cmd_vel", "controller")]
+    assert dict(found[:-2]) == {
+        "/filtered": "filter",
+        "/obstacles": "detector",
+        "/image": "detector",
+    }
 
 
 @given(st.permutations(STACK))

@@ -5,8 +5,12 @@ from msgspec.structs import replace
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.navigation import Odometry
-from groundlink.ros.base import Base
+from groundlink.ros.base import Base, Bases, is_latched
+from groundlink.ros.cdr import ros_type_of
 from groundlink.ros.streams import outgoing, static_transforms
+from groundlink.scenario.schema import TrueMap
+from udp_bridge.node.topic_qos import publisher_qos
+from udp_bridge.wire.types import MSG_TYPES, NUMBER_OF_ROS_TYPE, TYPED
 
 
 def test_odometry_goes_out_and_its_frame_is_no_place_on_the_vehicle() -> None:
@@ -38,3 +42,27 @@ def test_blocks_of_a_cloud_name_their_lidar(block_deg: float) -> None:
     streams = outgoing(replace(lab, vehicles=(rover,)), "run")
     in_blocks = {s.topic: s.in_blocks for s in streams if s.in_blocks is not None}
     assert in_blocks == ({lidar.topic: (rover, lidar)} if block_deg else {})
+
+
+def test_recordings_latch_what_the_bridge_latches() -> None:
+    lab = load(SHIPPED / "indoor_lab.yaml")
+    (rover,) = lab.vehicles
+    labels = {"camera": ("segmentation", "boxes_2d"), "lidar": ("points",)}
+    sensors = [
+        replace(sensor, labels=labels[sensor.name]) if sensor.name in labels else sensor
+        for sensor in rover.sensors
+    ]
+    labeled = replace(lab, vehicles=(replace(rover, sensors=tuple(sensors)),), true_map=TrueMap())
+    types = {s.topic: ros_type_of(s.message, s.ros_type) for s in outgoing(labeled, "run")}
+    bases = Bases(labeled, "run")
+    types |= {each.topic: ros_type_of(each.message) for each in bases.topics}
+    types |= {topic: ros_type_of(message) for topic, message in bases.latched.items()}
+    latched = {
+        topic
+        for topic, ros_type in types.items()
+        if publisher_qos(
+            MSG_TYPES[NUMBER_OF_ROS_TYPE.get(ros_type, TYPED)].name, topic, ros_type
+        ).is_latched
+    }
+    assert latched == set(filter(is_latched, types))
+    assert len(latched) == 7

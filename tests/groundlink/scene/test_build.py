@@ -82,6 +82,17 @@ def test_hash_distinguishes_worlds(lab: Scenario, what: str) -> None:
     assert world_hash(other) != world_hash(lab)
 
 
+def test_the_hash_ignores_what_only_physics_reads(lab: Scenario) -> None:
+    rover, world = lab.vehicles[0], lab.world
+    still = replace(rover, model=replace(rover.model, vibration=None))
+    for other in (
+        replace(lab, vehicles=(replace(rover, effects=("vibration",)),)),
+        replace(lab, vehicles=(still,)),
+        replace(lab, world=replace(world, roughness="E")),
+    ):
+        assert world_hash(other) == world_hash(lab)
+
+
 def test_the_hash_ignores_the_order_of_materials(lab: Scenario) -> None:
     materials = dict(reversed(lab.world.materials.items()))
     assert world_hash(replace(lab, world=replace(lab.world, materials=materials))) == (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run's vehicles in other worlds: starts, materials, what stays, and what tells worlds apart."""
+"""A run's vehicles in other worlds: starts, materials, what stays, and hashes of equal worlds."""
 
 import pytest
 from msgspec.structs import replace
@@ -7,7 +7,6 @@ from msgspec.structs import replace
 from groundlink.loader import load
 from groundlink.loader.partial_scenario import load_partial
 from groundlink.scenario import Scenario
-from groundlink.scenario.schema import EntityDescription
 from groundlink.scene.build import solids, world_hash
 from groundlink.scene.loaded_world import (
     distinct,
@@ -17,6 +16,7 @@ from groundlink.scene.loaded_world import (
     with_world,
     without_world,
 )
+from groundlink.world.actors import EntityDescription
 from groundlink.world.weather import Weather
 
 

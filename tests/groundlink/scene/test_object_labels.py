@@ -7,11 +7,11 @@ from msgspec.structs import replace
 from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.scenario.schema import EntityDescription, Scenario
+from groundlink.scenario.schema import Scenario
 from groundlink.scene.build import solids
 from groundlink.scene.entities import box_around, in_frame, static_entities
 from groundlink.scene.object_labels import CLASSES, FIRST_OF_WORLD, object_labels
-from groundlink.world.actors import Actor, FreeMotion, PersonForm
+from groundlink.world.actors import Actor, EntityDescription, FreeMotion, PersonForm
 from groundlink.world.solids import Box, Solid
 
 SHIPPED_WORLDS = ("indoor_lab", "outdoor_paper", "yard", "scanned_room")
@@ -84,5 +84,5 @@ def test_more_classes_than_eight_bits_hold_are_refused() -> None:
     many = tuple(
         Solid(f"kind{chr(97 + i % 26)}{i}x", Box((1.0,) * 3), material) for i in range(224)
     )
-    with pytest.raises(UserError, match="classes of its own; expected up to 223"):
+    with pytest.raises(UserError, match="that are not predefined; expected up to 223"):
         object_labels(replace(scenario, world=replace(scenario.world, solids=many)))

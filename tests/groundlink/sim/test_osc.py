@@ -164,7 +164,7 @@ def test_an_abandoned_drive_stops_the_vehicle_once(world: PointWorld) -> None:
     assert world.velocity == (0.3, 0.0)
 
 
-def test_waiting_for_a_way_counts_from_its_begin(world: PointWorld) -> None:
+def test_a_distance_to_travel_counts_from_the_begin_of_the_wait(world: PointWorld) -> None:
     world.command("rover", 1.0, pi)
     for _ in range(40):
         world.step()

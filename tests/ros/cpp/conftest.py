@@ -43,7 +43,7 @@ def share(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("share")
     for package in (Path(sys.prefix) / "share").glob("*_msgs"):
         (folder / package.name).symlink_to(package)
-    for name in ("groundlink_msgs", "tf2_msgs"):
+    for name in ("groundlink_msgs", "tf2_msgs", "vision_msgs"):
         if not (folder / name).exists():
             (folder / name).symlink_to(ROS / name)
     return folder

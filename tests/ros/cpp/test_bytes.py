@@ -11,8 +11,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from groundlink.messages.base import packed
+from groundlink.messages.ground_truth import LabelTable
 from groundlink.ros.cdr import to_cdr
 from tests.ros.test_typed import MAGNETIC, magnetic_cdr
 from tests.ros.waiting import wait_until
@@ -32,6 +35,8 @@ pytestmark = pytest.mark.system
 
 LARGE_MAP = b"\0\1\0\0" + struct.pack("<iII", 7, 8, 4) + b"map\0" + bytes(100_000)
 """A body that begins as a nav_msgs/OccupancyGrid does; neither node reads the rest."""
+LABEL_INFO = "vision_msgs/msg/LabelInfo"
+LABEL_TABLE = LabelTable(0, "cam", ("person",), packed(np.array([20], np.uint16)))
 
 
 class PlayedRos:
@@ -80,10 +85,12 @@ def bodies() -> list[tuple[int, str, str, bytes]]:
         (type_number(e.type_name), e.topic, "", bytes(to_cdr(e.message))) for e in EXAMPLES.values()
     ]
     typed = (TYPED, "/magnetic", "mast", pack_typed(MAGNETIC, magnetic_cdr()))
+    names = (TYPED, "/label_info", "", pack_typed(LABEL_INFO, bytes(to_cdr(LABEL_TABLE))))
     clock = (8, "", "", b"\0\1\0\0" + bytes(8))
     twist = (9, "/cmd_vel", "", b"\0\1\0\0" + bytes(48))
     static = (35, "/rig/tf_static", "", bytes(to_cdr(EXAMPLES["transforms"].message)))
-    return [*rows, typed, clock, twist, static, static, (11, "/large", "map", LARGE_MAP)]
+    large = (11, "/large", "map", LARGE_MAP)
+    return [*rows, typed, names, clock, twist, static, static, large]
 
 
 def wrong_bodies() -> list[tuple[int, str, str, bytes]]:

@@ -138,6 +138,8 @@ class Gateway:
         self.replies: list[tuple[str, BarrierReply]] = []
         self.received: list[Message] = []
         self.link = Link(LOCAL, node.address, on_message=self._take)
+        self.responses: tuple[ExpectedResponse, ...] = (ANSWER,)
+        self.in_turn = False
         self._next = 0
 
     def send(self, tick: int) -> tuple[SentMessages, ...]:
@@ -150,7 +152,7 @@ class Gateway:
     def barrier(self, tick: int, sent: tuple[SentMessages, ...] = ()) -> BarrierReply:
         """Send a Barrier; return the answer to it."""
         self.replies.clear()
-        body = Barrier(self.episode, tick, 1000, sent, (ANSWER,)).pack()
+        body = Barrier(self.episode, tick, 1000, sent, self.responses, self.in_turn).pack()
 
         def is_answered() -> bool:
             self.link.send(CONTROL, "", "", tick, body)  # repeated, as a gateway does
@@ -208,6 +210,49 @@ def test_lockstep_publishes_in_order_and_waits_for_the_response(
     assert any("in lockstep with" in line and "/cmd_vel to /odom" in line for line in node.log)
 
 
+FILTERED = ExpectedResponse("/filtered", "/odom", every=2)
+CHAIN = (FILTERED, ExpectedResponse("/cmd_vel", "/filtered", TWIST))
+"""A graph of two nodes: one publishes for every second odometry, and the other answers that."""
+
+
+def test_in_turn_each_message_waits_for_the_responses_to_those_before(
+    thread_checked: Path, share: Path
+) -> None:
+    with RclcppNode(thread_checked, share) as node:
+        node.say("subscribers", "/odom", 1)
+        node.say("subscribers", "/filtered", 1)
+        node.say("publisher", "/filtered", "nav_msgs/msg/Odometry")
+        node.say("publisher", "/cmd_vel", "geometry_msgs/msg/Twist")
+        gateway = Gateway(node)
+        gateway.link.send(SUBSCRIBE, "/cmd_vel", "", 0, Subscribe(TWIST, lease_s=60).pack())
+        wait_until(lambda: len(node.subscribed) == 1)
+        gateway.responses, gateway.in_turn = CHAIN, True
+        gateway.repeat(-1, (), DONE)
+        for number in range(4):
+            gateway.link.send(ODOM, "/odom", "", 1_000 + number, numbered(number, 8))
+        sent = (SentMessages(ODOM, "/odom", 0, 4),)
+        wait_until(lambda: gateway.barrier(0, sent).state == WAITING and len(node.published) == 2)
+        assert "/filtered nav_msgs/msg/Odometry 100,reliable" in node.subscribed
+        for count in (2, 4):
+            gateway.repeat(0, sent, WAITING)
+            assert gateway.replies[-1][0] == "/filtered"
+            assert len(node.published) == count
+            node.say("message", "/filtered", SMALL_BODY.hex())
+            wait_until(lambda: gateway.barrier(0, sent) and gateway.replies[-1][0] == "/cmd_vel")
+            assert len(node.published) == count
+            node.say("message", "/cmd_vel", SMALL_BODY.hex())
+            wait_until(lambda: len(node.published) == 4)
+        reply = gateway.repeat(0, sent, DONE)
+        assert reply.sent == (SentMessages(TWIST, "/cmd_vel", 0, 2),)
+        # One more than what was consumed: time goes on, and the log says it.
+        node.say("message", "/cmd_vel", SMALL_BODY.hex())
+        wait_until(lambda: len(gateway.received) == 3)
+        gateway.repeat(1, (), DONE)
+        node.wait_for("1 messages on /cmd_vel more than what its node consumed")
+        gateway.link.close()
+    assert [row.body for row in node.published] == [numbered(number, 8) for number in range(4)]
+
+
 def test_a_node_that_is_started_during_a_run_asks_for_what_was_sent(
     thread_checked: Path, share: Path
 ) -> None:
@@ -254,6 +299,7 @@ def test_hostile_datagrams_end_nothing(memory_checked: Path, share: Path) -> Non
         ({"bind": "0.0.0.0:0"}, "~peer"),
         ({"bind": "nowhere"}, "bind is 'nowhere'; expected HOST:PORT"),
         ({"key_file": "key"}, "only the Python nodes have it"),
+        ({"trace": "trace.jsonl"}, "trace: only the Python nodes have it"),
         ({"allow_any_peer": "true"}, "only the Python nodes have it"),
         ({"datagram": "12"}, "datagram is '12'"),
         ({"repair": "fec 0.2"}, "repair is 'fec 0.2'"),

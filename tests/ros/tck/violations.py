@@ -105,7 +105,7 @@ def any_world(request: Any) -> None:
 
 
 def as_state(wrong: int, right: int) -> Callable[[Any], None]:
-    """Tell one state of the simulation instead of another."""
+    """Return a change of responses that replaces one state of the simulation by another."""
 
     def change(response: Any) -> None:
         if response.state.state == right:

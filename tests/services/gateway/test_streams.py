@@ -43,6 +43,15 @@ def test_blocks_of_one_revolution_may_wait_and_nothing_else(block_deg: float) ->
     assert all(points < most < 1.01 * points for most in table.values())
 
 
+def test_labeled_blocks_of_one_revolution_may_wait() -> None:
+    scenario = load(SHIPPED / "indoor_lab.yaml")
+    (vehicle,) = scenario.vehicles
+    lidar = replace(vehicle.sensors[0], block_deg=15.0, labels=("points",))
+    changed = replace(scenario, vehicles=(replace(vehicle, sensors=(lidar,)),))
+    most = queue_limits(outgoing(changed, "run"))[1, "/points/labels/points"]
+    assert 3600 * 16 * 26 < most < 1.01 * 3600 * 16 * 26
+
+
 @pytest.mark.parametrize("said", ["{fec: 0}", "{fec: 0.1, resend: 1}", "{}", "fec", "{rs: 1}"])
 def test_invalid_repair_is_a_user_error(tmp_path: Path, said: str) -> None:
     text = (SHIPPED / "indoor_lab.yaml").read_text()

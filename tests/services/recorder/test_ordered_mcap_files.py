@@ -17,7 +17,7 @@ from groundlink.messages.base import Ack, Clock, Command, Imu
 from groundlink.recording.reader import Recording
 from groundlink.scenario import Scenario
 from services.recorder.ordered_mcap_files import SLICE_NANOS, OrderedMcapFiles
-from services.recorder.recorder import Recorder
+from services.recorder.recorder import Participant, Recorder
 
 RUN = "lab"
 EPOCH = 10**18
@@ -28,6 +28,7 @@ COMMAND = f"groundlink/{RUN}/rover/command"
 STILL = (0.0, 0.0, 0.0)
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 END_TICKS = 1000
+IMU_ALONE = {"rover/imu": Participant("rover")}
 
 Step = Callable[[Recorder], object]
 
@@ -120,7 +121,7 @@ def recorded(scenario: Scenario, path: Path, seed: int) -> bytes:
     recorder = Recorder(
         *(scenario, RUN, files.begin),
         duration_nanos=END_TICKS * TICK_NANOS,
-        acknowledging=scenario.sensor_names(),
+        acknowledging=IMU_ALONE,
     )
     recorder._period_nanos = {CLOCK: 4 * TICK_NANOS, IMU: TICK_NANOS}  # nothing else comes
     for tick, step in arriving(seed):
@@ -162,7 +163,7 @@ def test_the_order_of_arrival_changes_no_byte(lab: Scenario, tmp_path: Path) -> 
 def test_what_a_sensor_may_still_send_is_waited_for(lab: Scenario, tmp_path: Path) -> None:
     """A slice is in the file, for a recorder that is killed, when all have acknowledged beyond."""
     files = OrderedMcapFiles(tmp_path / "run.mcap", lab, RUN, lambda question: b"")
-    recorder = Recorder(lab, RUN, files.begin, acknowledging=lab.sensor_names())
+    recorder = Recorder(lab, RUN, files.begin, acknowledging=IMU_ALONE)
     recorder._period_nanos = {CLOCK: 4 * TICK_NANOS, IMU: TICK_NANOS}
     ticks = SLICE_NANOS // TICK_NANOS
 
@@ -186,7 +187,7 @@ def test_what_a_sensor_may_still_send_is_waited_for(lab: Scenario, tmp_path: Pat
 
 def test_who_never_acknowledges_is_not_waited_for_forever(lab: Scenario, tmp_path: Path) -> None:
     files = OrderedMcapFiles(tmp_path / "run.mcap", lab, RUN, lambda question: b"")
-    recorder = Recorder(lab, RUN, files.begin, acknowledging=lab.sensor_names())
+    recorder = Recorder(lab, RUN, files.begin, acknowledging=IMU_ALONE)
     for tick in (0, 4, 6 * NANOS // TICK_NANOS):
         clock(tick)(recorder)
         imu(tick)(recorder)

@@ -14,6 +14,7 @@ from udp_bridge.node.subscriptions import RosSample
 from udp_bridge.wire import control
 from udp_bridge.wire.lockstep import (
     DONE,
+    INCOMPLETE,
     RESTARTED,
     WAITING,
     Barrier,
@@ -44,6 +45,9 @@ class StandIn:
         self.warnings: list[str] = []
         self.topics = [(TWIST, "/cmd_vel")]
         self._known: set[str] = set()
+        self.is_busy = False
+        """Whether publishing takes until `then` of the last messages is called."""
+        self.then: Callable[[], Any] = lambda: None
 
     def info(self, line: str) -> None:
         pass
@@ -73,7 +77,9 @@ class StandIn:
 
     def put_all(self, messages: Sequence[Message], sender: Any, then: Callable[[], Any]) -> None:
         self.published += messages
-        then()
+        self.then = then
+        if not self.is_busy:
+            then()
 
     def enable_repair(self, *_: Any) -> None:
         pass
@@ -205,6 +211,18 @@ def test_once_a_tick_was_answered_answers_are_awaited_for_as_long_as_it_takes(ri
     for _ in range(10):
         rig.turn(GIVE_UP_S / 2)
     assert rig.ros.replies[-1].state == WAITING
+
+
+def test_messages_that_end_late_do_not_answer_the_next_barrier(rig: Rig) -> None:
+    rig.told(-1, first=0)
+    rig.ros.is_busy = True
+    rig.told(0, first=0)
+    rig.turn(4 * SETTLE_S)
+    rig.half.received("/cmd_vel", SAMPLE)
+    rig.told(16, first=1, come=False)
+    rig.ros.then()
+    rig.turn()
+    assert (rig.ros.replies[-1].tick, rig.ros.replies[-1].state) == (16, INCOMPLETE)
 
 
 def begun_in_turn(rig: Rig) -> None:

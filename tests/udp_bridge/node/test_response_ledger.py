@@ -79,6 +79,45 @@ def test_nothing_is_owed_exactly_when_all_has_come_in_any_order(
         assert not ledger.settle()
 
 
+@given(
+    graphs(),
+    st.lists(st.tuples(st.integers(0, 6), st.integers(0, 5)), max_size=12, unique=True),
+    st.randoms(),
+)
+def test_nothing_is_owed_for_good_whatever_a_timer_publishes(
+    graph: list[ExpectedResponse], roots: list[tuple[int, int]], order: random.Random
+) -> None:
+    """Any delay between processes: an answer may come many barriers before its cause."""
+    ledger, nodes = ResponseLedger(graph), Nodes(graph)
+    on_the_way: list[tuple[str, int]] = []
+
+    def publish(topic: str, stamp: int) -> None:
+        for output in nodes.outputs(topic, stamp):
+            on_the_way.append(output)
+            publish(*output)
+
+    def receive() -> None:
+        ledger.received(*on_the_way.pop(order.randrange(len(on_the_way))))
+
+    topics = {response.topic for response in graph}
+    for number, stamp in roots:
+        if (topic := f"/{number}") in topics:  # of a timer
+            on_the_way.append((topic, stamp))
+        else:
+            while ledger.owing():
+                receive()
+            ledger.settle()
+            ledger.published(topic, stamp)
+        publish(topic, stamp)
+        for _ in range(order.randint(0, len(on_the_way))):
+            receive()
+            if not ledger.owing() and order.random() < 0.5:
+                ledger.settle()
+    while on_the_way:
+        receive()
+    assert not ledger.owing()
+
+
 def test_every_nth_message_and_stamps_of_several_causes() -> None:
     ledger = ResponseLedger(
         [
@@ -113,15 +152,28 @@ def test_messages_without_a_stamp_are_joined_by_their_number() -> None:
 def test_a_surplus_is_told_and_a_publisher_that_left_owes_nothing() -> None:
     ledger = ResponseLedger([ExpectedResponse("/b", "/a", 0, 2), ExpectedResponse("/c", "/b")])
     ledger.received("/b")
+    assert not ledger.owing(), "nothing was published yet"
+    ledger.published("/elsewhere")
+    ledger.received("/b")
     assert (ledger.owing(), ledger.caused({"/a"})) == ("/c", {"/a", "/b", "/c"})
     ledger.received("/c")
     ledger.received("/not/of/the/graph")
-    assert ledger.settle() == [("/b", 1)]
+    assert ledger.settle() == [("/b", 2)]
     assert ledger.settle() == []
     ledger.published("/a")
     ledger.forgive("/b")
     ledger.published("/a")
     assert not ledger.owing(), "its successor counts anew"
+
+
+def test_a_publisher_that_had_counted_before_is_followed() -> None:
+    ledger = ResponseLedger([ExpectedResponse("/b", "/a", 0, 3)])
+    ledger.published("/a")
+    ledger.received("/b")
+    assert ledger.settle() == [("/b", 1)]
+    for owing in ("", "", "/b"):
+        ledger.published("/a")
+        assert ledger.owing() == owing
 
 
 def test_stamps_that_one_cause_never_gets_are_forgotten() -> None:

@@ -3,20 +3,22 @@
 // Conversion between CDR and ROS 1's serialization, by a plan made once for each type.
 //
 // Both are little-endian. CDR aligns each number to its size, counted from the end of the
-// encapsulation; ROS 1 packs. A string of CDR ends with a NUL, which is part of its length. A Header
-// of ROS 1 begins with `seq`, which CDR lacks. Fields that ROS 2 added at the end are dropped.
+// encapsulation; ROS 1 packs. A string of CDR ends with a NUL, which is part of its length. A
+// Header of ROS 1 begins with `seq`, which CDR lacks. Fields that ROS 2 added at the end are
+// dropped.
 
 #ifndef UDP_BRIDGE_ROSCPP_CONVERSION_PLAN_HPP
 #define UDP_BRIDGE_ROSCPP_CONVERSION_PLAN_HPP
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "definition.hpp"
-#include "udp_bridge_cpp/ros.hpp"
+#include "udp_bridge_cpp/wire/message.hpp"
 
 namespace udp_bridge_roscpp {
 
@@ -33,7 +35,8 @@ class ConversionPlan {
   /// Throws TypeNotInstalled where the definition of a part is missing.
   ConversionPlan(Definitions& definitions, const std::string& type_name) {
     const std::vector<Field> fields = definitions.fields(type_name);
-    is_stamped_ = !fields.empty() && fields[0].type_name == Definitions::kHeader && !fields[0].length;
+    is_stamped_ = !fields.empty() && fields[0].type_name == Definitions::kHeader &&
+                  !fields[0].length;
     add(definitions, fields, type_name == Definitions::kHeader, steps_);
   }
 
@@ -47,8 +50,8 @@ class ConversionPlan {
     }
     Bytes message;
     message.reserve(size + 64);
-    Walk walk{cdr + kEncapsulation, size - kEncapsulation, message, 0, true};
-    walk.run(steps_);
+    Conversion conversion{cdr + kEncapsulation, size - kEncapsulation, message, 0, true};
+    conversion.run(steps_);
     return message;
   }
 
@@ -56,24 +59,24 @@ class ConversionPlan {
   Bytes to_cdr(const std::uint8_t* ros1, std::size_t size) const {
     Bytes message = {0, 1, 0, 0};
     message.reserve(2 * size + 64);
-    Walk walk{ros1, size, message, kEncapsulation, false};
-    walk.run(steps_);
-    if (walk.at != size) throw MalformedMessage("there are bytes behind the message");
+    Conversion conversion{ros1, size, message, kEncapsulation, false};
+    conversion.run(steps_);
+    if (conversion.at != size) throw MalformedMessage("there are bytes behind the message");
     return message;
   }
 
  private:
   static constexpr std::size_t kEncapsulation = 4;
 
-  /// What follows in a message.
+  /// A field of a message, or several fields that are copied as one.
   struct Step {
     enum Kind { numbers, seq, text, array_of_numbers, array } kind = numbers;
     std::size_t alignment = 1, size = 1;  // of numbers: all of a fixed array
     std::vector<Step> each;               // of the elements of an array
   };
 
-  /// One conversion.
-  struct Walk {
+  /// A conversion in progress.
+  struct Conversion {
     const std::uint8_t* data;
     std::size_t size;
     Bytes& out;
@@ -88,12 +91,12 @@ class ConversionPlan {
           case Step::seq: skip_seq(); break;
           case Step::text: copy_text(); break;
           case Step::array_of_numbers: {
-            const std::size_t count = length(0, 0);
+            const std::size_t count = length();
             if (count) copy(step.alignment, count * step.size);
             break;
           }
           case Step::array: {
-            const std::size_t count = length(0, 0);
+            const std::size_t count = length();
             for (std::size_t i = 0; i < count && !step.each.empty(); ++i) run(step.each);
             break;
           }
@@ -116,18 +119,19 @@ class ConversionPlan {
       }
     }
 
-    /// Read a length, and write it; the one of a text differs on the two sides.
-    std::size_t length(std::size_t less, std::size_t more) {
+    /// Read a length, and write it with `difference` added: strings of CDR count their NUL.
+    std::size_t length(std::int64_t difference = 0) {
       align(4);
-      const std::size_t count = udp_bridge::detail::read_u32(take(4));
-      const std::size_t written = (count > less ? count - less : 0) + more;
+      const std::uint32_t count = udp_bridge::detail::read_u32(take(4));
+      const std::int64_t written = std::max<std::int64_t>(0, count + difference);
       out.resize(out.size() + 4);
-      udp_bridge::detail::write_u32(out.data() + out.size() - 4, static_cast<std::uint32_t>(written));
+      udp_bridge::detail::write_u32(out.data() + out.size() - 4,
+                                    static_cast<std::uint32_t>(written));
       return count;
     }
 
     void copy_text() {
-      const std::size_t count = length(is_to_ros1, !is_to_ros1);
+      const std::size_t count = length(is_to_ros1 ? -1 : 1);
       const std::uint8_t* from = take(count);
       const bool has_nul = is_to_ros1 && count;  // some writers omit that of an empty string
       if (has_nul && from[count - 1]) throw MalformedMessage("a string does not end with NUL");
@@ -177,7 +181,9 @@ class ConversionPlan {
       if (field.length == -1) {
         to.push_back({Step::array, 4, 4, std::move(one)});
       } else {
-        for (int i = 0; i < field.length.value_or(1); ++i) to.insert(to.end(), one.begin(), one.end());
+        for (int i = 0; i < field.length.value_or(1); ++i) {
+          to.insert(to.end(), one.begin(), one.end());
+        }
       }
     }
   }

@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "md5.hpp"
-#include "udp_bridge_cpp/ros.hpp"
+#include "udp_bridge_cpp/node/ros.hpp"
 
 namespace udp_bridge_roscpp {
 
@@ -51,8 +51,8 @@ class Definitions {
  public:
   static constexpr const char* kHeader = "std_msgs/Header";
 
-  /// Add a full definition: the text of a type, and those of all types that it contains, each behind
-  /// a line of `=` and a line `MSG: package/Name`.
+  /// Add a full definition: the text of a type, and those of all types that it contains, each
+  /// after a line of `=` and a line `MSG: package/Name`.
   void add(const std::string& type_name, const std::string& full_text) {
     static const std::string mark = "\nMSG: ";
     std::string name = type_name;
@@ -94,12 +94,12 @@ class Definitions {
       std::string type;
       words >> type;
       // The value of a string constant takes the rest of its line.
-      const std::string said = type == "string" ? line : line.substr(0, line.find('#'));
-      const std::size_t equals = said.find('=');
+      const std::string code = type == "string" ? line : line.substr(0, line.find('#'));
+      const std::size_t equals = code.find('=');
       if (equals == std::string::npos || line.find('#') < equals) continue;
-      const std::size_t name = said.find(type) + type.size();
-      lines += type + ' ' + trimmed(said.substr(name, equals - name)) + '=' +
-               trimmed(said.substr(equals + 1)) + '\n';
+      const std::size_t name = code.find(type) + type.size();
+      lines += type + ' ' + trimmed(code.substr(name, equals - name)) + '=' +
+               trimmed(code.substr(equals + 1)) + '\n';
     }
     for (const Field& field : fields(type_name)) {
       lines += (is_primitive(field.type_name) ? field.written : checksum(field.type_name)) + ' ' +
@@ -137,7 +137,8 @@ class Definitions {
   void append_parts(const std::string& type_name, std::set<std::string>& named, std::string& full) {
     for (const Field& field : fields(type_name)) {
       if (is_primitive(field.type_name) || !named.insert(field.type_name).second) continue;
-      full += '\n' + std::string(80, '=') + "\nMSG: " + field.type_name + '\n' + text(field.type_name);
+      full += '\n' + std::string(80, '=') + "\nMSG: " + field.type_name + '\n';
+      full += text(field.type_name);
       append_parts(field.type_name, named, full);
     }
   }
@@ -162,7 +163,8 @@ class Definitions {
   /// Folders that hold packages.
   static std::vector<std::filesystem::path> roots() {
     std::vector<std::filesystem::path> found;
-    for (const auto& [variable, below] : {std::pair("ROS_PACKAGE_PATH", ""), {"CMAKE_PREFIX_PATH", "share"}}) {
+    for (const auto& [variable, below] :
+         {std::pair("ROS_PACKAGE_PATH", ""), {"CMAKE_PREFIX_PATH", "share"}}) {
       const char* value = std::getenv(variable);
       std::istringstream folders(value ? value : "");
       for (std::string folder; std::getline(folders, folder, ':');) {

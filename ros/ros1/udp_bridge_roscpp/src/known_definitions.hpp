@@ -31,7 +31,8 @@ namespace udp_bridge_roscpp {
 
 template <class... Message>
 void add_compiled(Definitions& to) {
-  (to.add(ros::message_traits::datatype<Message>(), ros::message_traits::definition<Message>()), ...);
+  using namespace ros::message_traits;
+  (to.add(datatype<Message>(), definition<Message>()), ...);
 }
 
 /// Return the definitions of all types with numbers.

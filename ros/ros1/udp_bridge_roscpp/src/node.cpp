@@ -10,8 +10,8 @@
 #include <string>
 
 #include "roscpp_ros.hpp"
-#include "udp_bridge_cpp/bridge_node.hpp"
-#include "udp_bridge_cpp/termination.hpp"
+#include "udp_bridge_cpp/io/termination.hpp"
+#include "udp_bridge_cpp/node/bridge_node.hpp"
 
 namespace {
 
@@ -23,7 +23,9 @@ udp_bridge_cpp::Settings settings() {
     XmlRpc::XmlRpcValue given;
     if (!own.getParam(name, given)) return;
     switch (given.getType()) {
-      case XmlRpc::XmlRpcValue::TypeBoolean: value = static_cast<bool>(given) ? "true" : "false"; break;
+      case XmlRpc::XmlRpcValue::TypeBoolean:
+        value = static_cast<bool>(given) ? "true" : "false";
+        break;
       case XmlRpc::XmlRpcValue::TypeInt: value = std::to_string(static_cast<int>(given)); break;
       default: value = static_cast<std::string>(given); break;
     }
@@ -37,7 +39,7 @@ int run() {
   udp_bridge_cpp::BridgeNode bridge(ros, settings());
   ros::AsyncSpinner spinner(1);
   spinner.start();
-  while (ros::ok() && !termination.came()) {
+  while (ros::ok() && !termination.is_requested()) {
   }
   std::printf("%s\n", bridge.close().c_str());
   spinner.stop();
@@ -46,8 +48,8 @@ int run() {
 
 }  // namespace
 
-int main(int count, char** words) {
-  ros::init(count, words, "udp_bridge", ros::init_options::NoSigintHandler);
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "udp_bridge", ros::init_options::NoSigintHandler);
   int code = 2;
   try {
     code = run();

@@ -12,11 +12,11 @@
 #include <memory>
 #include <string>
 
-#include "udp_bridge_cpp/ros.hpp"
+#include "udp_bridge_cpp/wire/message.hpp"
 
 namespace udp_bridge_roscpp {
 
-/// What ROS 1 knows of a type.
+/// A type as ROS 1 compares and describes it.
 struct RosType {
   std::string name, checksum, definition;
 };

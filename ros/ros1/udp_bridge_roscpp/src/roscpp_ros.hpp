@@ -26,8 +26,8 @@
 #include "definition.hpp"
 #include "known_definitions.hpp"
 #include "raw_message.hpp"
-#include "udp_bridge_cpp/message_types.hpp"
-#include "udp_bridge_cpp/ros.hpp"
+#include "udp_bridge_cpp/node/ros.hpp"
+#include "udp_bridge_cpp/wire/message_types.hpp"
 
 namespace udp_bridge_roscpp {
 
@@ -79,7 +79,7 @@ class RoscppRos : public udp_bridge_cpp::Ros {
   std::unique_ptr<udp_bridge_cpp::Publisher> advertise(
       const std::string& ros_type, const std::string& topic, const udp_bridge_cpp::MessageType& row,
       const udp_bridge_cpp::TopicQos& qos) override {
-    const auto [type, plan] = known(ros_type);
+    const auto [type, plan] = converted_type(ros_type);
     ros::AdvertiseOptions options(topic, static_cast<std::uint32_t>(qos.depth), type->checksum,
                                   type->name, type->definition);
     options.latch = qos.is_latched;
@@ -93,8 +93,8 @@ class RoscppRos : public udp_bridge_cpp::Ros {
   std::unique_ptr<udp_bridge_cpp::Subscription> subscribe(
       const std::string& ros_type, const std::string& topic, const udp_bridge_cpp::MessageType&,
       std::function<void(RosMessage&&)> take) override {
-    const auto [type, plan] = known(ros_type);
-    return subscribed(
+    const auto [type, plan] = converted_type(ros_type);
+    return make_subscription(
         topic, type->name, type->checksum,
         [this, take = std::move(take), plan = plan](const RawMessage& message) {
           try {
@@ -105,9 +105,12 @@ class RoscppRos : public udp_bridge_cpp::Ros {
         });
   }
 
-  std::unique_ptr<udp_bridge_cpp::Subscription> listen(const std::string& topic,
-                                                       std::function<void()> take) override {
-    return subscribed(topic, "*", "*", [take = std::move(take)](const RawMessage&) { take(); });
+  /// Messages are not converted, so each counts by its number, as one without a stamp does.
+  std::unique_ptr<udp_bridge_cpp::Subscription> listen(
+      const std::string& topic, std::function<void(RosMessage&&)> take) override {
+    return make_subscription(topic, "*", "*", [take = std::move(take)](const RawMessage&) {
+      take({{}, false});
+    });
   }
 
   std::string type_of(const std::string& topic) override {
@@ -151,8 +154,9 @@ class RoscppRos : public udp_bridge_cpp::Ros {
       return subscriber.getNumPublishers() > 0;
     });
   }
-  bool has_subscriber(const std::string& topic) override {
-    return is_connected(publishers_, topic, [](const ros::Publisher& publisher) {
+  /// A topic that only other nodes publish counts as consumed: ROS 1 does not tell this node.
+  bool has_subscriber(const std::string& topic, bool is_own) override {
+    return is_own || is_connected(publishers_, topic, [](const ros::Publisher& publisher) {
       return publisher.getNumSubscribers() > 0;
     });
   }
@@ -170,35 +174,35 @@ class RoscppRos : public udp_bridge_cpp::Ros {
  private:
   static constexpr std::uint32_t kQueue = 10;  // messages of a subscription
 
-  struct Known {
+  struct ConvertedType {
     std::shared_ptr<const RosType> type;
     ConversionPlan plan;
   };
 
-  /// Return what is known of a ROS 2 type name; throw TypeNotInstalled.
-  Known known(const std::string& ros_type) {
+  /// Return the ROS 1 type of a ROS 2 type name, and the conversion; throw TypeNotInstalled.
+  ConvertedType converted_type(const std::string& ros_type) {
     const std::size_t slash = ros_type.find('/');
     const std::string name = ros_type.substr(0, slash) + ros_type.substr(ros_type.rfind('/'));
     const std::lock_guard lock(mutex_);
-    auto found = known_.find(name);
-    if (found == known_.end()) {
+    auto found = types_.find(name);
+    if (found == types_.end()) {
       ConversionPlan plan(definitions_, name);
       auto type = std::make_shared<const RosType>(
           RosType{name, definitions_.checksum(name), definitions_.full_text(name)});
-      found = known_.emplace(name, Known{std::move(type), std::move(plan)}).first;
+      found = types_.emplace(name, ConvertedType{std::move(type), std::move(plan)}).first;
     }
     return found->second;
   }
 
-  template <class Take>
-  std::unique_ptr<udp_bridge_cpp::Subscription> subscribed(const std::string& topic,
-                                                           const std::string& type,
-                                                           const std::string& checksum,
-                                                           Take&& take) {
+  std::unique_ptr<udp_bridge_cpp::Subscription> make_subscription(
+      const std::string& topic, const std::string& type, const std::string& checksum,
+      std::function<void(const RawMessage&)> take) {
     ros::SubscribeOptions options;
     options.initByFullCallbackType<const boost::shared_ptr<const RawMessage>&>(
-        topic, kQueue, [take = std::forward<Take>(take)](
-                           const boost::shared_ptr<const RawMessage>& message) { take(*message); });
+        topic, kQueue,
+        [take = std::move(take)](const boost::shared_ptr<const RawMessage>& message) {
+          take(*message);
+        });
     options.datatype = type;
     options.md5sum = checksum;
     options.transport_hints.tcpNoDelay();
@@ -225,7 +229,7 @@ class RoscppRos : public udp_bridge_cpp::Ros {
   std::map<std::string, std::vector<ros::Publisher>> publishers_;
   std::map<std::string, std::vector<ros::Subscriber>> subscribers_;
   Definitions definitions_ = known_definitions();
-  std::map<std::string, Known> known_;
+  std::map<std::string, ConvertedType> types_;
   std::atomic<std::uint64_t> malformed_{0};
 };
 

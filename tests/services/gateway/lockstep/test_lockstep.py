@@ -84,7 +84,7 @@ def test_the_tick_is_acknowledged_after_the_reply_and_its_commands(rig: Rig) -> 
     rig.turn()
     assert [key for key, _ in rig.published] == [COMMAND_KEY] * 2
     assert all(isinstance(one, Command) and one.stamp_nanos == 0 for _, one in rig.published)
-    assert rig.acks == [Ack(EPISODE, 0, 0, commanded={"rover": 0})]
+    assert rig.acks == [Ack(EPISODE, 0, 0, commanded={"rover": 0}, commands={"rover": 2})]
     rig.clock(4)
     rig.followed(4)
     assert rig.link.barriers[-1].sent == (SentMessages(CLOCK, "/clock", 1, 1),)

@@ -147,3 +147,17 @@ def test_reply_counts_after_its_commands_arrived() -> None:
     pending.commanded("second", 11)
     assert list(pending.take_complete()) == [("gateway", ack)]
     assert list(pending.take_complete()) == []
+
+
+def test_an_acknowledgement_waits_for_all_commands_with_its_stamp() -> None:
+    pending = PendingAcks()
+    ack = Ack(7, 5, 5, commanded={"rover": 5, "tank": 3}, commands={"rover": 2})
+    for vehicle, tick in (("tank", 3), ("rover", 4), ("rover", 5)):
+        pending.commanded(vehicle, tick)
+        pending.add("gateway", ack)
+        assert list(pending.take_complete()) == []
+    pending.commanded("rover", 5)
+    assert list(pending.take_complete()) == [("gateway", ack)]
+    pending.commanded("rover", 6)
+    pending.add("gateway", ack)
+    assert list(pending.take_complete()) == [("gateway", ack)], "a newer one follows all of them"

@@ -19,13 +19,8 @@ from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import Command, State, decode, floats
 from groundlink.scenario import Scenario
-from groundlink.scenario.schema import (
-    EntityDescription,
-    NamedPose,
-    PoseBox,
-    Time,
-)
-from groundlink.world.actors import Actor, CrateForm, PathMotion
+from groundlink.scenario.schema import NamedPose, PoseBox, Time
+from groundlink.world.actors import Actor, CrateForm, EntityDescription, PathMotion
 from services.physics.run.episode import Episode
 from services.physics.run.publishers import silent_publishers
 from services.physics.run.restore import Restoration

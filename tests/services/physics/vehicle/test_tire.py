@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tire's law of friction."""
 
-from math import cos, hypot, radians, sin
+from math import atan, cos, hypot, radians, sin
 
 import pytest
 
-from services.physics.vehicle.tire import TREAD_STIFFNESS, Tire
+from groundlink.scenario.vehicle import TireSlip
+from services.physics.vehicle.tire import TREAD_STIFFNESS, CreepingTire, Tire
 
 STEP = 0.0025
 BORNE_KG = 14.0
@@ -17,11 +18,18 @@ def tire_of(axle_ratio: float = 1.0) -> Tire:
 
 
 def slide(
-    tire: Tire, x: float, y: float, *, limit: float = 100.0, steps: int = 400, tread: float = 0.0
+    tire: Tire,
+    x: float,
+    y: float,
+    *,
+    limit: float = 100.0,
+    steps: int = 400,
+    tread: float = 0.0,
+    load: float = 0.0,
 ) -> tuple[float, float]:
     force = (0.0, 0.0)
     for _ in range(steps):
-        tire.meet(x, y, limit)
+        tire.meet(x, y, limit, 0.0, load)
         force = tire.settle(tread)
     return force
 
@@ -73,3 +81,28 @@ def test_its_gain_is_the_slope_of_its_force(tread: float) -> None:
     below, above = tire.along(tread - 1e-6)[0], tire.along(tread + 1e-6)[0]
     assert tire.along(tread)[1] == pytest.approx((above - below) / 2e-6, rel=1e-4, abs=1e-6)
     assert tire.along(tire.rolling_mps)[0] == pytest.approx(0.0)
+
+
+SLIP = TireSlip(cornering_stiffness_nprad=1500.0, load_n=200.0)
+
+
+def creeping(axle_ratio: float = 1.0) -> CreepingTire:
+    return CreepingTire(SLIP, borne_kg=BORNE_KG, axle_ratio=axle_ratio)
+
+
+@pytest.mark.parametrize("speed", [0.5, 5.0, 20.0])
+@pytest.mark.parametrize("slip", [0.001, 0.02, 0.1, 0.25])
+def test_a_rolling_tire_has_the_forces_of_the_brush_model(speed: float, slip: float) -> None:
+    limit, load = 100.0, 125.0
+    stiffness = 1500.0 * sin(2 * atan(load / 200.0))
+    force = limit * (1 - max(0.0, 1 - stiffness * slip / (3 * limit)) ** 3)
+    aside = slide(creeping(), speed, slip * speed, tread=speed, load=load)
+    assert aside == pytest.approx((0.0, -force), rel=1e-3, abs=1e-6)
+    driven = slide(creeping(), speed, 0.0, tread=speed * (1 + slip), load=load)
+    assert driven == pytest.approx((force, 0.0), rel=slip + 1e-3)
+
+
+def test_a_creeping_tire_that_stands_sticks() -> None:
+    tire = creeping()
+    slide(tire, 0.0, 0.001 / (10 * STEP), steps=10, load=125.0)
+    assert slide(tire, 0.0, 0.0, load=125.0) == pytest.approx((0.0, -0.001 * STIFFNESS_NPM))

@@ -12,6 +12,15 @@ from tests.services.sensors.sheets import from_sheet
 
 SHEETS = {sheet.stem for sheet in (SHIPPED / "sensors").glob("gnss_*.yaml")}
 
+LADDERS = {
+    "gnss_neo_m8n": {"single_point": 2.5 / 1.1774, "sbas": 2.0 / 1.1774},
+    "gnss_zed_f9p": {
+        **{"single_point": 1.5 / 1.1774, "sbas": 1.0 / 1.1774},
+        **{"rtk_float": 0.2, "rtk_fix": 0.01 / 1.1774},
+    },
+}
+"""Sheets of receivers whose type of solution changes; values as in `HORIZONTAL_M`."""
+
 HORIZONTAL_M = {
     "gnss_single_point": 2.5 / 1.1774,
     "gnss_sbas": 0.7,
@@ -22,14 +31,30 @@ HORIZONTAL_M = {
 
 
 def test_every_kind_of_solution_has_a_sheet() -> None:
+    constant = SHEETS - LADDERS.keys()
     assert (
-        {f"gnss_{from_sheet(Gnss, name).solution}" for name in SHEETS}
-        == SHEETS
+        {f"gnss_{from_sheet(Gnss, name).solution}" for name in constant}
+        == constant
         == set(HORIZONTAL_M)
     )
+    assert SHEETS >= LADDERS.keys()
 
 
-@pytest.mark.parametrize("name", sorted(SHEETS))
+@pytest.mark.parametrize("name", sorted(LADDERS))
+def test_ladders_have_a_source_and_their_classes_of_accuracy(name: str) -> None:
+    spec = from_sheet(Gnss, name)
+    assert spec.datasheet
+    assert [solution.type for solution in spec.solutions] == list(LADDERS[name])
+    for solution in spec.solutions:
+        noise = solution.horizontal
+        sigma = math.hypot(noise.white_stddev_m, noise.drift_stddev_m)
+        assert sigma == pytest.approx(LADDERS[name][solution.type], rel=0.02)
+        assert sigma < math.hypot(
+            solution.vertical.white_stddev_m, solution.vertical.drift_stddev_m
+        )
+
+
+@pytest.mark.parametrize("name", sorted(HORIZONTAL_M))
 def test_sheets_have_a_source_and_their_class_of_accuracy(name: str) -> None:
     spec = from_sheet(Gnss, name)
     assert spec.datasheet

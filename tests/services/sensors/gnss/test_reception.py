@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from groundlink.core.errors import UserError
-from services.sensors.gnss.reception import directions, geometry, open_sky
+from services.sensors.gnss.dilution import geometry
+from services.sensors.gnss.sky import directions, open_sky
 from tests.services.sensors.gnss.test_model import UP, fixes, receiver
 from tests.services.sensors.yards import box, resting, yard
 

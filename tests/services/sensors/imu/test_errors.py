@@ -40,6 +40,8 @@ ALL: dict[str, Any] = {
         turn_on_bias=0.02,
         scale_factor=0.01,
         misalignment_deg=0.5,
+        bias_per_k=1e-3,
+        scale_per_k=1e-4,
         bandwidth_hz=98,
         saturation=20,
         resolution=0.005,
@@ -52,6 +54,8 @@ ALL: dict[str, Any] = {
         scale_factor=0.01,
         misalignment_deg=0.5,
         g_sensitivity=1e-4,
+        bias_per_k=1e-3,
+        scale_per_k=1e-4,
         bandwidth_hz=44,
         saturation=4,
         resolution=0.001,
@@ -127,7 +131,7 @@ def test_every_parameter_does_something_and_none_changes_a_byte_when_zero() -> N
             if field == "bias_time_constant_s":
                 continue
             value = getattr(ALL[triad], field) if field != "saturation" else 0.5
-            changed = samples(imu(**{triad: kind(**{field: value})}), run)
+            changed = samples(imu(air_c=35.0, **{triad: kind(**{field: value})}), run)
             assert [encode(s) for s in changed[-50:]] != plain[-50:], (triad, field)
 
 
@@ -241,3 +245,56 @@ def test_another_source_of_numbers_and_another_seed_give_other_bytes() -> None:
     for i, one in enumerate(taken):
         for other in taken[:i]:
             assert not set(one) & set(other)
+
+
+WARM = InertialUnit(
+    name="imu",
+    topic="/imu",
+    frame="imu",
+    accelerometer=InertialNoise(bias_per_k=2e-3, scale_per_k=1e-3, misalignment_deg=0.5),
+    gyroscope=GyroscopeNoise(bias_per_k=1e-3, scale_per_k=5e-4),
+    self_heating_k=10.0,
+    warm_up_s=100.0,
+)
+
+
+def thermal(air_c: float, tick: int) -> Floats:
+    """Return what a force and a rate of 1 along all axes reads, without that at no temperature."""
+    one, streams = (1.0, 1.0, 1.0), RandomStreams(1, "rover/imu")
+    at = ImuErrors(WARM, streams, air_c).measured(one, one, tick)
+    return np.subtract(at, ImuErrors(WARM, streams).measured(one, one, tick))
+
+
+def test_a_sensor_warms_up_by_its_time_constant() -> None:
+    unit = ImuErrors(WARM, RandomStreams(1, "rover/imu"), -5.0)
+    assert unit.temperature_c(0, -5.0) == -5.0
+    assert unit.temperature_c(100 * 400, -5.0) == pytest.approx(-5.0 + 10.0 * (1 - np.exp(-1)))
+    assert unit.temperature_c(2000 * 400, -5.0) == pytest.approx(5.0)
+
+
+def test_biases_and_scales_are_linear_in_temperature() -> None:
+    assert np.all(thermal(25.0, 0) == 0.0)
+    cold, hot = thermal(-15.0, 0), thermal(65.0, 0)
+    np.testing.assert_allclose(cold, -hot, rtol=1e-9)
+    assert np.all(np.abs(hot) > 1e-6)
+    # Warmed up by 10 K, in the same air.
+    late = 2000 * 400 // 128 * 128
+    np.testing.assert_allclose(thermal(25.0, late), hot / 4, rtol=1e-6)
+
+
+def test_thermal_biases_have_the_sigma_of_the_sheet() -> None:
+    unit = replace(WARM, accelerometer=replace(WARM.accelerometer, scale_per_k=0.0))
+    still = (0.0, 0.0, 0.0)
+    biases = [
+        ImuErrors(unit, RandomStreams(seed, "rover/imu"), 35.0).measured(still, still, 0)[:3]
+        for seed in range(200)
+    ]
+    assert np.std(biases) == pytest.approx(10 * 2e-3, rel=0.1)
+
+
+def test_a_successor_is_as_warm() -> None:
+    streams, one = RandomStreams(1, "rover/imu"), (1.0, 1.0, 1.0)
+    before = ImuErrors(WARM, streams, 40.0)
+    for tick in range(1000, 1100):
+        last = before.measured(one, one, tick)
+    assert ImuErrors(WARM, streams, 40.0).measured(one, one, 1099) == last

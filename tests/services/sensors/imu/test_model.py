@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from groundlink.messages import base as messages
 from groundlink.messages.base import BadBusMessage, State
 from groundlink.scenario.every_sensor import Mount
+from groundlink.world.weather import Weather
 from services.sensors.imu.model import ImuModel
 from services.sensors.imu.spec import GyroscopeNoise, InertialNoise, InertialUnit
 from services.sensors.runtime.model import SensorModel
@@ -22,8 +23,16 @@ DT = 1 / 400
 GRAVITY = 9.80665
 
 
-def imu(*, seed: int = 1, name: str = "imu", frame_prefix: str = "", **fields: Any) -> ImuModel:
+def imu(
+    *,
+    seed: int = 1,
+    name: str = "imu",
+    frame_prefix: str = "",
+    air_c: float | None = None,
+    **fields: Any,
+) -> ImuModel:
     run = scenario(seed=seed, frame_prefix=frame_prefix)
+    run = replace(run, world=replace(run.world, weather=Weather(temperature_c=air_c)))
     spec = InertialUnit(name=name, topic="/imu", frame="imu_link", **fields)
     return ImuModel(run, run.vehicles[0], spec)
 

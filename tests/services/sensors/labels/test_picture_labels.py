@@ -13,7 +13,8 @@ from groundlink.messages.ground_truth import Detections2D, Detections3D, LabelTa
 from groundlink.messages.imagery import Image
 from groundlink.scenario.cameras import Imager, Lens
 from groundlink.scenario.every_sensor import Mount
-from groundlink.scenario.schema import EntityDescription, Scenario
+from groundlink.scenario.schema import Scenario
+from groundlink.world.actors import EntityDescription
 from groundlink.world.solids import Solid
 from services.sensors.camera.model import CameraModel
 from services.sensors.camera.spec import Camera

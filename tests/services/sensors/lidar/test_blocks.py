@@ -90,6 +90,30 @@ def test_blocks_one_after_the_other_are_the_revolution(name: str, block_deg: flo
         assert seconds == pytest.approx(revolution["time"], abs=2e-8)
 
 
+STRAY: dict[str, Any] = {
+    "mixed_pixels": True,
+    "divergence_mrad": [3.0, 1.5],
+    "blooming": {"share": 0.002, "width_mrad": 4.0},
+    "echo_bands": {"intensity": [10, 60], "range_m": [1], "dropout": [[0.1], [0.0]]},
+}
+
+
+def test_blocks_of_beams_that_depend_on_neighbors_are_the_revolution() -> None:
+    whole = [cloud for _, cloud in clouds(sheet("vlp16", **STRAY))]
+    spec = sheet("vlp16", block_deg=3.0, **STRAY)
+    blocks = clouds(spec)
+    together = np.concatenate([cloud.records() for _, cloud in blocks])
+    revolutions = np.concatenate([cloud.records() for cloud in whole])
+    for field in ("x", "y", "z", "intensity", "ring"):
+        assert together[field].tobytes() == revolutions[field].tobytes(), field
+    plain = np.concatenate([cloud.records() for _, cloud in clouds(sheet("vlp16"))])
+    assert abs(len(plain) - len(revolutions)) > 100
+    sent = {cloud.stamp_nanos: encode(cloud) for _, cloud in blocks}
+    for first_tick in (50, 80):
+        later = {cloud.stamp_nanos: encode(cloud) for _, cloud in clouds(spec, first_tick)}
+        assert later.items() <= sent.items()
+
+
 def test_times_count_from_the_blocks_own_first_firing() -> None:
     for _, cloud in clouds(sheet("vlp16_paper", block_deg=15.0, dropout=0.0)):
         times = cloud.records()["time"]

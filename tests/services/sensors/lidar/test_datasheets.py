@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from services.sensors.lidar.spec import Lidar
 from services.sensors.scanning.sweep import Sweep
@@ -76,6 +77,19 @@ def test_the_vlp_32c() -> None:
     assert azimuth_deg[rings[1]] == pytest.approx(4.2, abs=1e-3)
 
 
+def test_the_xt32() -> None:
+    spec = from_sheet(Lidar, "xt32")
+    assert spec.elevations_deg == tuple(range(-16, 16))
+    np.testing.assert_allclose(spec.laser_times_us, 1.512 * np.arange(31, -1, -1))
+    assert (spec.firings_per_revolution, spec.range_resolution_m) == (2000, 0.004)
+    # Channel 1 is the highest, fires first, and looks to the left.
+    sweep = Sweep(spec)
+    assert sweep.rings[0] == 31
+    np.testing.assert_allclose(
+        sweep.directions_in_sensor[:2, 0, 0], [0, np.cos(np.radians(15))], atol=1e-6
+    )
+
+
 # The first generation's nominal angles: 33.2 degrees in even steps, four columns; 1024 a turn.
 OUSTER_AZIMUTH_DEG = [3.164, 1.055, -1.055, -3.164]
 
@@ -94,3 +108,41 @@ def test_the_os1_64() -> None:
     # The first column looks back, and the highest beam is ahead of it, clockwise.
     x, y, _ = Sweep(spec).directions_in_sensor[:, -1, 0]
     assert np.degrees(np.arctan2(y, x)) == pytest.approx(180 - 3.164, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "lasers", "view_deg", "returns_m", "step_m"),
+    [
+        ("pandar64", 64, (-24.879, 14.9), (0.3, 200.0), 0.004),
+        ("pandar_qt64", 64, (-52.121, 52.133), (0.1, 60.0), 0.004),
+        ("os1_128", 128, (-21.82, 20.95), (0.5, 120.0), 0.001),
+    ],
+)
+def test_those_with_angles_of_a_calibration(
+    name: str,
+    lasers: int,
+    view_deg: tuple[float, float],
+    returns_m: tuple[float, float],
+    step_m: float,
+) -> None:
+    spec = from_sheet(Lidar, name)
+    assert len(spec.elevations_deg) == len(spec.azimuth_offsets_deg) == lasers
+    assert (spec.elevations_deg[0], spec.elevations_deg[-1]) == view_deg
+    assert spec.elevations_deg == tuple(sorted(spec.elevations_deg))
+    assert (spec.min_range_m, spec.max_range_m) == returns_m
+    assert spec.range_resolution_m == step_m
+
+
+FITTED = ("vlp16", "vlp32c", "xt32", "pandar64", "pandar_qt64", "os1_128")
+
+
+@pytest.mark.parametrize("name", FITTED)
+def test_fitted_ones_differ_in_noise_alone(name: str) -> None:
+    base, fitted = from_sheet(Lidar, name), from_sheet(Lidar, f"{name}_fitted")
+    assert fitted.echo_bands is not None
+    assert base.echo_bands is None
+    assert (fitted.range_stddev_m, fitted.dropout) == (0, 0)
+    step = fitted.range_resolution_m
+    same = {name: getattr(base, name) for name in ("echo_bands", "range_stddev_m", "datasheet")}
+    assert replace(fitted, **same, range_resolution_m=base.range_resolution_m) == base
+    assert step == (0.008 if name == "os1_128" else base.range_resolution_m)

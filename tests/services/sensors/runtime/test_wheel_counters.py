@@ -62,6 +62,21 @@ def test_slip_grows_with_the_root_of_the_angle() -> None:
         assert abs(np.corrcoef(strayed.T)[0, 1]) < 0.2
 
 
+def test_an_eccentric_disc_errs_once_per_turn() -> None:
+    strayed = np.array(
+        [
+            np.array(counted(turned, eccentricity_deg=1.0)) / PER_RADIAN - turned
+            for turned in np.linspace(0.0, 4 * np.pi, 33)
+        ]
+    )
+    amplitude = np.radians(1.0)
+    assert strayed[[16, 32]] == pytest.approx(0.0, abs=2 / PER_RADIAN)
+    assert np.ptp(strayed, axis=0) == pytest.approx([2 * amplitude] * 2, rel=0.03)
+    assert np.abs(strayed[:, 0] - strayed[:, 1]).max() > amplitude / 10
+    # Second harmonics are none.
+    assert strayed[4] + strayed[12] == pytest.approx(strayed[0] + strayed[8], abs=4 / PER_RADIAN)
+
+
 def test_a_wheel_at_rest_does_not_slip() -> None:
     assert counted(0.0, slip_stddev=1.0, scale_stddev=0.1, missed_ticks=0.5) == (0, 0)
 

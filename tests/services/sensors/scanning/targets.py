@@ -17,6 +17,7 @@ from groundlink.world.weather import Weather
 from services.sensors.lidar.spec import Lidar
 from services.sensors.scanning.returns import Returns
 from services.sensors.scanning.scanner import Scanner
+from services.sensors.scanning.sweep import Sweep
 from tests.services.sensors.lidar import rooms
 
 Floats = NDArray[np.float64]
@@ -71,7 +72,7 @@ def scenario(
 def scanner(made: Scenario) -> Scanner:
     spec = made.vehicles[0].sensors[0]
     assert isinstance(spec, Lidar)
-    return Scanner(made, made.vehicles[0], spec)
+    return Scanner(made, made.vehicles[0], spec, Sweep(spec))
 
 
 def measured(made: Scenario, way: rooms.Way = at_rest) -> Returns:

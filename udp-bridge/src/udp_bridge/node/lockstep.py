@@ -102,6 +102,7 @@ class _GatewayState:
         if barrier.tick >= 0:
             self._episode = barrier.episode
         self.published_s, self.is_queued, self.has_warned = None, False, False
+        self.batches.clear()
         self.reply, self.lost = None, 0
 
     def was_sent_before_start(self, barrier: Barrier) -> bool:
@@ -145,8 +146,8 @@ class BarrierResponder:
         self._responses = ResponseTracker(graph, self.received)
         self._lock = RLock()  # guards gateways
         self._gateways: Dict[Address, _GatewayState] = {}
-        self._mended: Set[TopicKey] = set()
-        self._unasked: Set[str] = set()  # topics whose messages without a cause were logged
+        self._repaired: Set[TopicKey] = set()
+        self._with_surplus: Set[str] = set()  # topics whose messages without a cause were logged
         self._settled_s = 0.0
         """When all known publishers and subscribers will be matched."""
 
@@ -259,13 +260,13 @@ class BarrierResponder:
                 self._trace.published(
                     barrier.tick, message.topic, message.stamp_nanos, message.body
                 )
-        self._queue.put_all(messages, sender, lambda: self._on_published(gateway))
+        self._queue.put_all(messages, sender, lambda: self._on_published(gateway, barrier))
 
     def _report_surplus(self, barrier: Barrier) -> None:
         """Log the first messages of a topic that nothing caused, and forget them."""
         for topic, count in self._responses.settle():
-            if barrier.in_turn and topic not in self._unasked:
-                self._unasked.add(topic)
+            if barrier.in_turn and topic not in self._with_surplus:
+                self._with_surplus.add(topic)
                 self._log.warning(
                     f"lockstep: tick {barrier.tick}: {count} messages on {topic} more than what "
                     "its node consumed; results are not reproducible"
@@ -279,17 +280,18 @@ class BarrierResponder:
             topics_held
         )
 
-    def _on_published(self, gateway: _GatewayState) -> None:
-        gateway.published_s = time.monotonic()
+    def _on_published(self, gateway: _GatewayState, barrier: Barrier) -> None:
+        if gateway.barrier is barrier:  # else a reset overtook the last messages of its episode
+            gateway.published_s = time.monotonic()
         self._wake()
 
     def _prepare(
         self, sender: Address, gateway: _GatewayState, barrier: Barrier, link: Link, now_s: float
     ) -> None:
         """Create publishers and subscriptions until the messages can be delivered."""
-        for key in set(self._subscriptions.topics) - self._mended:
+        for key in set(self._subscriptions.topics) - self._repaired:
             link.enable_repair(*key, Resend(barrier.limit_ms * 1_000_000))
-            self._mended.add(key)
+            self._repaired.add(key)
         if gateway.is_queued:
             return
         for message in gateway.buffer.samples(barrier.sent):

@@ -6,6 +6,11 @@ back, and causes further responses in turn. So the ledger follows a message thro
 nodes, without knowing the graph beforehand. DDS may deliver a response before its cause when two
 nodes publish them, and a topic is then in credit for a moment. As expected responses form no loop,
 all responses have come when no topic owes anything.
+
+A message that nothing caused, such as that of a timer, leaves a topic in credit. `settle` forgets
+this credit, or a later message would not be waited for. It cannot tell whether the cause, itself
+one too many, is still on its way. So it is restored when a topic before it gets such a message:
+else the response to that, which has come already, would be owed for good.
 """
 
 from __future__ import annotations
@@ -34,23 +39,26 @@ class ResponseLedger:
             topic: {each.of for each in expected if each.topic == topic and each.every == JOINED}
             for topic in self._owed
         }
+        self._forgotten = dict.fromkeys(self._owed, 0)  # messages that nothing had caused yet
+        self._has_begun = False
         self._counts: Dict[ExpectedResponse, int] = {}  # of causes, since the last response
         self._numbers: Dict[str, int] = {}  # of messages without a stamp
         self._stamps: Dict[Tuple[str, int], Set[str]] = {}  # causes of joined topics so far
 
     def published(self, topic: str, stamp_nanos: Optional[int] = None) -> None:
-        """Count a message of a topic that causes responses."""
-        if stamp_nanos is None:
-            stamp_nanos = self._numbers[topic] = self._numbers.get(topic, 0) + 1
-        for response in self._expected:
-            if response.of == topic:
-                self._owed[response.topic] += self._is_due(response, stamp_nanos)
+        """Count a message that is published in ROS. What came before the first caused nothing."""
+        self._has_begun = True
+        self._count(topic, stamp_nanos)
 
     def received(self, topic: str, stamp_nanos: Optional[int] = None) -> None:
         """Count a message that ROS published, as a response and as a cause of further ones."""
-        if topic in self._owed:
-            self._owed[topic] -= 1
-            self.published(topic, stamp_nanos)
+        if topic not in self._owed:
+            return
+        if self._owed[topic] <= 0:
+            self._restore(topic)
+        self._owed[topic] -= 1
+        if self._has_begun:
+            self._count(topic, stamp_nanos)
 
     def owing(self) -> str:
         """Return a topic that owes a message; empty when none does."""
@@ -59,15 +67,16 @@ class ResponseLedger:
     def settle(self) -> List[Tuple[str, int]]:
         """Return the topics with messages that nothing caused, and forget these messages."""
         surplus = [(topic, -owed) for topic, owed in self._owed.items() if owed < 0]
-        self._owed.update((topic, 0) for topic, _ in surplus)
+        for topic, count in surplus:
+            self._owed[topic] = 0
+            self._forgotten[topic] += count
+            self._count_anew(topic)
         return surplus
 
     def forgive(self, topic: str) -> None:
         """Expect no message on a topic for what was published; its publisher counts anew."""
-        self._owed[topic] = 0
-        for response in list(self._counts):
-            if response.topic == topic:
-                del self._counts[response]
+        self._owed[topic] = self._forgotten[topic] = 0
+        self._count_anew(topic)
         self._stamps = {key: seen for key, seen in self._stamps.items() if key[0] != topic}
 
     def caused(self, topics: Set[str]) -> Set[str]:
@@ -77,6 +86,25 @@ class ResponseLedger:
             size = len(found)
             found |= {response.topic for response in self._expected if response.of in found}
         return found
+
+    def _count(self, topic: str, stamp_nanos: Optional[int]) -> None:
+        if stamp_nanos is None:
+            stamp_nanos = self._numbers[topic] = self._numbers.get(topic, 0) + 1
+        for response in self._expected:
+            if response.of == topic:
+                self._owed[response.topic] += self._is_due(response, stamp_nanos)
+
+    def _count_anew(self, topic: str) -> None:
+        """Count the causes of a topic from now on, as its publisher does."""
+        for response in list(self._counts):
+            if response.topic == topic:
+                del self._counts[response]
+
+    def _restore(self, cause: str) -> None:
+        """Give the topics after a topic their forgotten credit again."""
+        for topic in self.caused({cause}) - {cause}:
+            self._owed[topic] -= self._forgotten[topic]
+            self._forgotten[topic] = 0
 
     def _is_due(self, response: ExpectedResponse, stamp_nanos: int) -> bool:
         if response.every == JOINED:

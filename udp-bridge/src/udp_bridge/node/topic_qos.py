@@ -41,11 +41,11 @@ _PUBLISHED = {
     "Typed": TopicQos(depth=50, waiting=3, waiting_bytes=1 << 20),
 }
 
-# By ROS type, of those without a wire type of their own: a table that late subscribers need, and
-# for which vision_msgs asks for a latched topic.
-_PUBLISHED_BY_NAME = {
+QOS_BY_ROS_TYPE = {
+    # Late subscribers need this table of names; vision_msgs recommends a latched topic.
     "vision_msgs/msg/LabelInfo": TopicQos(depth=1, waiting=3, is_latched=True),
 }
+"""Publishing of ROS types without a wire type of their own."""
 
 _STATIC_TRANSFORMS = TopicQos(depth=16, waiting=16, is_latched=True, is_repeated=True)
 STATIC_TRANSFORMS_TOPIC = "tf_static"
@@ -59,4 +59,4 @@ def publisher_qos(type_name: str, topic: str, ros_type: Optional[str] = None) ->
         return _STATIC_TRANSFORMS
     if type_name == "String":
         return _DESCRIPTION
-    return _PUBLISHED_BY_NAME.get(ros_type or "") or _PUBLISHED.get(type_name, _SMALL)
+    return QOS_BY_ROS_TYPE.get(ros_type or "") or _PUBLISHED.get(type_name, _SMALL)

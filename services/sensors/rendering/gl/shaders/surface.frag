@@ -4,8 +4,9 @@
 // Lighting is diffuse: mirrors and gloss are not modeled.
 //
 // TRUTH: depth and labels instead of colors. GROUND: terrain instead of meshes; number of its
-// materials. SOILS: each of these materials has a label. BUMPS: normal maps. LIGHTS: number of lights, which are the SUN or lamps. MAPS: number
-// of shadow maps. WINDOW: the last one is around the eye. FOG: there is fog.
+// materials. SOILS: each of these materials has a label. BUMPS: normal maps. LIGHTS: number of
+// lights, which are the SUN or lamps. MAPS: number of shadow maps. WINDOW: the last one is around
+// the eye. FOG: there is fog.
 
 #ifdef GROUND
 // Bias of the mipmap level for patterns of the ground. The camera looks along the ground, while

@@ -60,6 +60,8 @@ struct KeepLast {
   std::size_t depth;
 };
 
+enum class ReliabilityPolicy { Reliable, BestEffort };
+
 class QoS {
  public:
   explicit QoS(const KeepLast& keep) : depth_(keep.depth) {}
@@ -71,6 +73,9 @@ class QoS {
   QoS& transient_local() {
     is_latched_ = true;
     return *this;
+  }
+  ReliabilityPolicy reliability() const {
+    return is_reliable_ ? ReliabilityPolicy::Reliable : ReliabilityPolicy::BestEffort;
   }
   std::string text() const {
     return std::to_string(depth_) + (is_reliable_ ? ",reliable" : ",best_effort") +
@@ -86,10 +91,12 @@ class TopicEndpointInfo {
  public:
   TopicEndpointInfo(std::string type, std::uint8_t gid) : type_(std::move(type)) { gid_[0] = gid; }
   const std::string& topic_type() const { return type_; }
+  const QoS& qos_profile() const { return qos_; }
   const std::array<std::uint8_t, 24>& endpoint_gid() const { return gid_; }
 
  private:
   std::string type_;
+  QoS qos_{KeepLast(10)};
   std::array<std::uint8_t, 24> gid_{};
 };
 
@@ -251,7 +258,7 @@ class Node {
   }
   std::size_t count_subscribers(const std::string& topic) const {
     const std::lock_guard lock(Graph::of_process().mutex);
-    return Graph::of_process().subscribers[topic];
+    return Graph::of_process().subscribers[topic] + Graph::of_process().subscriptions.count(topic);
   }
   Logger get_logger() const { return {}; }
   Time now() const {
