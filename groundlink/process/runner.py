@@ -5,6 +5,7 @@ Exit codes: 0 on SIGINT and SIGTERM; 2 for an error that the user can fix; 3 if 
 something; 4 if the scenario ends the run. Codes 2 to 4 come with one line on stderr.
 """
 
+import _thread
 import argparse
 import os
 import signal
@@ -74,11 +75,19 @@ def address(text: str) -> tuple[str, int]:
         raise NoSuchHost(f"`{text}`: host `{host}` does not resolve") from None
 
 
-def run(process: str, main: Callable[[Sequence[str], threading.Event], None]) -> NoReturn:
-    """Run a process's `main(arguments, stop)` and exit; SIGINT and SIGTERM set `stop`."""
+def stop_on_signals() -> threading.Event:
+    """Return an event that SIGINT and SIGTERM set."""
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+        # The handler runs in the main thread, which may hold the event's lock: in `wait`, for
+        # example. `set` would then wait for ever.
+        signal.signal(number, lambda *_: _thread.start_new_thread(stop.set, ()))
+    return stop
+
+
+def run(process: str, main: Callable[[Sequence[str], threading.Event], None]) -> NoReturn:
+    """Run a process's `main(arguments, stop)` and exit; SIGINT and SIGTERM set `stop`."""
+    stop = stop_on_signals()
     try:
         main(sys.argv[1:], stop)
     except DeafSession as error:

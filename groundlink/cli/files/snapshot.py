@@ -14,13 +14,13 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import driver_names, process_names
 from groundlink.cli import Subparsers
 from groundlink.cli.run import running, supervised
-from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.progress import progress
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.messages.base import Health
 from groundlink.monitor import process_commands
 from groundlink.monitor.supervisor import Supervisor
+from groundlink.process.runner import stop_on_signals
 from groundlink.scenario.cameras import Optics
 
 from .world import is_picture
@@ -77,7 +77,7 @@ def snapshot(options: argparse.Namespace) -> int:
     }
     for name in driver_names(scenario):
         commands[name] = ["-m", modules[name], "--name", name, *joining]
-    stop = terminal.stop_on_signals()
+    stop = stop_on_signals()
     supervisor = Supervisor(commands, lambda _, line: print(line), finite={options.camera})
     camera, failed = supervisor.children[options.camera], None
     with Bus(listen=endpoint) as bus, progress(f"running to {options.at:g} s") as done:

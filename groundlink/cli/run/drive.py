@@ -23,7 +23,6 @@ from groundlink.bus.topics import driver_name
 from groundlink.cli import Subparsers
 from groundlink.cli.terminal.joystick import ENABLE_BUTTON, Joystick
 from groundlink.cli.terminal.keyboard import Keyboard
-from groundlink.cli.terminal.output import stop_on_signals
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.loader.scenario_files import load_route, read_route
 from groundlink.messages.base import Clock, Command
@@ -99,7 +98,7 @@ def drive(options: argparse.Namespace) -> int:
             raise UserError(f"--{name.replace('_', '-')}: expected a number above 0")
     if options.route and options.route not in FIGURES:
         read_route(options.route)
-    stop = stop_on_signals()
+    stop = process.stop_on_signals()
     endpoint = process.endpoint(options)
     with joined(options, stop=stop) as (bus, run, scenario):
         vehicle = _vehicle(scenario, options.vehicle)

@@ -16,7 +16,7 @@ from rich.text import Text
 from groundlink.bus.core_topics import HEALTH, RECORDER
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
-from groundlink.cli.terminal.output import CroppedPicture, display, say, stop_on_signals
+from groundlink.cli.terminal.output import CroppedPicture, display, say
 from groundlink.core import VERSION
 from groundlink.core.errors import UserError
 from groundlink.episode.mission import Mission
@@ -24,6 +24,7 @@ from groundlink.messages.base import Health
 from groundlink.monitor.mission_monitor import MissionMonitor
 from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.monitor.supervisor import EXPLAINED, Child, Supervisor
+from groundlink.process.runner import stop_on_signals
 from groundlink.scenario import Scenario
 
 LINES_SHOWN = 5

@@ -22,7 +22,7 @@ from groundlink.bus.topics import process_names
 from groundlink.cli import Subparsers
 from groundlink.cli.run.dashboard import missions_table, streams_table
 from groundlink.cli.terminal.json_output import add_json_option, print_json
-from groundlink.cli.terminal.output import console, stop_on_signals
+from groundlink.cli.terminal.output import console
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.episode.fault_messages import kinds_in
 from groundlink.messages import missing_readings
@@ -54,7 +54,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def top(options: argparse.Namespace) -> int:
     """Show a run until Ctrl-C."""
-    stop = stop_on_signals()
+    stop = process.stop_on_signals()
     shown = console()
     with joined(options, stop=stop, observer=True) as (bus, run, scenario):
         overview = Overview(run, declared_rates(scenario), MissionMonitor(scenario))

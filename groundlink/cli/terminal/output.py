@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Terminal output: consoles, a live display, and Ctrl-C.
+"""Terminal output: consoles and a live display.
 
 Without a terminal the display prints periodically.
 """
 
 import shutil
-import signal
 import sys
-import threading
 import time
 from collections.abc import Callable
-from types import FrameType
 
 from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.live import Live
@@ -81,15 +78,3 @@ def display(shown: Console, picture: Callable[[], RenderableType]) -> Callable[[
             shown.print(picture())
 
     return show
-
-
-def stop_on_signals() -> threading.Event:
-    """Return an event that SIGINT and SIGTERM set."""
-    stop = threading.Event()
-
-    def on_signal(number: int, frame: FrameType | None) -> None:
-        stop.set()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, on_signal)
-    return stop

@@ -7,6 +7,7 @@ and exit code 2. Bodies are not decoded.
 
 from __future__ import annotations
 
+import _thread
 import argparse
 import hashlib
 import json
@@ -82,7 +83,8 @@ def _listen(arguments: argparse.Namespace) -> int:
             has_ended.set()
 
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: has_ended.set())
+        # Another thread: the main thread may hold the event's lock when the signal comes.
+        signal.signal(number, lambda *_: _thread.start_new_thread(has_ended.set, ()))
     shown = None if arguments.quiet else on_message
     socket = open_socket(
         arguments.bind,
