@@ -15,9 +15,9 @@ SETUP_INPUTS := pyproject.toml udp-bridge/pyproject.toml setup.sh \
 	$(wildcard services/sensors/*/*.c udp-bridge/src/udp_bridge/io/native/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
 # Files with tests marked `system`; collecting all others takes longer than many of these tests.
 SYSTEM_TESTS := tests/system tests/ros1 tests/ros/cpp tests/bridge/test_kernel_loss.py \
-	tests/docs/test_tutorials.py tests/experiments/test_short.py tests/experiments/test_short_live.py
+	tests/docs/test_tutorials.py
 
-.PHONY: help setup run test test-units test-system test-alone test-stack environments mutants fuzz nightly benchmarks experiments docs clean
+.PHONY: help setup run test test-units test-system test-alone test-stack test-nightly environments mutants fuzz nightly benchmarks experiments docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  %-14s %s\n", $$1, $$2 }'
@@ -35,14 +35,14 @@ test: setup ## run all tests that need no Docker engine, in three stages; a fail
 	@$(MAKE) --no-print-directory --keep-going test-units test-system test-alone
 
 test-units: setup ## run unit tests, import contracts, style and type checks
-	@$(PYTEST) -m "not system and not stack" --reruns=$(RERUNS) --numprocesses=auto --dist=loadfile \
+	@$(PYTEST) -m "not system and not stack and not nightly" --reruns=$(RERUNS) --numprocesses=auto --dist=loadfile \
 		--no-loadscope-reorder
 
 environments: setup ## install third-party programs that tests of the experiments need
 	@flock .venv/.environments $(BIN)/python -m experiments --install yag-slam --install kiss-icp --install evo
 
 test-system: environments ## run tests of the running system, two at a time
-	@$(PYTEST) -m "system and not alone and not stack" --reruns=$(RERUNS) --durations=20 \
+	@$(PYTEST) -m "system and not alone and not stack and not nightly" --reruns=$(RERUNS) --durations=20 \
 		--numprocesses=2 --dist=loadfile --no-loadscope-reorder $(SYSTEM_TESTS)
 
 test-alone: setup ## run tests that measure real-time rates, one at a time
@@ -51,14 +51,17 @@ test-alone: setup ## run tests that measure real-time rates, one at a time
 test-stack: setup ## test the containers on a Docker engine
 	@$(PYTEST) -m stack --reruns=$(RERUNS) -rPR --durations=5 tests/deploy
 
+test-nightly: environments ## run tests that take long
+	@$(PYTEST) -m nightly --reruns=$(RERUNS) --durations=20
+
 benchmarks: setup ## run the benchmarks with claims; fail if a claim does not hold
 	@$(BIN)/python -m benchmarks
 
 mutants: setup ## mutation tests; fail if fewer than 97 % of the mutants are found
 	@$(BIN)/python -m tests.mutants
 
-nightly: setup ## run what takes too long for each change: mutants, fuzzers, benchmarks
-	@$(MAKE) --no-print-directory --keep-going mutants fuzz benchmarks
+nightly: setup ## run what takes too long for each change: long tests, mutants, fuzzers, benchmarks
+	@$(MAKE) --no-print-directory --keep-going test-nightly mutants fuzz benchmarks
 
 fuzz: setup ## run each fuzzer for a minute
 	@$(BIN)/python -m fuzz.guided --seconds 60

@@ -29,6 +29,8 @@ from benchmarks.bridge.lossy import lossy_socket
 from benchmarks.bridge.processes import CAP_NET_ADMIN
 from benchmarks.bridge.transports import IMAGE_HEAD_BYTES, image_cdr
 
+pytestmark = pytest.mark.nightly
+
 ROOT = Path(__file__).resolve().parents[2]
 TRANSPORTS = {"UDP Bridge", "from the bus", "C program", "TCP", "ROS# way"}
 

@@ -32,6 +32,7 @@ def test_batches_of_parts_give_what_single_datagrams_give() -> None:
     assert counts["messages"] > BATCH / 100
 
 
+@pytest.mark.nightly
 @pytest.mark.timeout(400)
 def test_the_sanitizers_find_nothing_in_the_extension_modules() -> None:
     if shutil.which("gcc") is None:

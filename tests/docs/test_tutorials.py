@@ -140,8 +140,12 @@ AFTERWARDS: dict[str, Callable[[Path], None]] = {
 
 PAGES = sorted(page.stem for page in TUTORIALS.glob("*.md"))
 
+LONG = ("navigate", "your-own-world")
 
-@pytest.mark.parametrize("name", PAGES)
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.nightly] if n in LONG else []) for n in PAGES]
+)
 def test_a_tutorial_is_followed(name: str, tmp_path: Path) -> None:
     pytest.importorskip("rclpy", reason="no ROS 2 here")
     if name == "evaluate-slam" and not all(is_installed(p, OUT) for p in (KISS_ICP, EVO)):

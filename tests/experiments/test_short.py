@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The short run: a drive through the whole chain into a ROS bag, a SLAM program of others on it.
 
-`make test-system` installs the programs before the tests: no test fetches anything.
+`make test-nightly` installs the programs before the tests: no test fetches anything.
 """
 
 import subprocess
@@ -18,7 +18,7 @@ from experiments.recording.setups import ROOT
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
 pytest.importorskip("tf2_msgs", reason="no ROS 2 messages here")
-pytestmark = [pytest.mark.system, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.nightly, pytest.mark.timeout(400)]
 
 
 def test_a_short_drive_is_mapped(tmp_path: Path) -> None:

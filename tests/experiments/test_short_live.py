@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Short live runs: odometry nodes of `examples` beside the bridge, outdoors and with a camera.
 
-Sim time waits for the nodes. `make test-system` installs the programs before the tests.
+Sim time waits for the nodes. `make test-nightly` installs the programs before the tests.
 """
 
 import subprocess
@@ -17,7 +17,7 @@ from experiments.experiment import OUT
 from experiments.recording.setups import ROOT
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
-pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.nightly, pytest.mark.timeout(300)]
 
 
 @pytest.mark.parametrize("name", ["live_lidar", "live_camera"])

@@ -22,7 +22,7 @@ from tests.system.rig import Rig, rig, wait_for
 
 from .conftest import Ros1
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.nightly, pytest.mark.timeout(300)]
 
 TICKS = 8000
 """20 s: a lap and some of the next one."""

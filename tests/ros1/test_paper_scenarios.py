@@ -122,7 +122,9 @@ def of_recording(path: Path) -> dict[int, int]:
     return found
 
 
-@pytest.mark.parametrize("name", ["indoor_paper", "outdoor_paper"])
+@pytest.mark.parametrize(
+    "name", ["indoor_paper", pytest.param("outdoor_paper", marks=pytest.mark.nightly)]
+)
 def test_all_of_it_is_in_both_and_the_same(name: str, ros1: Ros1, ros: Ros, tmp_path: Path) -> None:
     shipped = load(REPOSITORY / "scenarios" / f"{name}.yaml")
     vehicle = replace(shipped.vehicles[0], tf=TfTree(map="truth"))

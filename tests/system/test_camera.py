@@ -66,6 +66,7 @@ def test_without_opengl_the_default_scenario_goes_on_without_its_camera(tmp_path
         assert "failed: /points" not in log
 
 
+@pytest.mark.nightly
 def test_a_fast_run_has_every_picture_twice_alike(tmp_path: Path) -> None:
     pictures, infos, epoch_nanos = recorded(tmp_path / "one.mcap")
     wanted = [i * 1_000_000_000 // 30 for i in range(30 * SECONDS)]

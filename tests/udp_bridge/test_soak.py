@@ -6,6 +6,7 @@ import pytest
 from benchmarks.soak.__main__ import MINIMUM_MINUTES, Sample, check_memory, soak
 
 
+@pytest.mark.nightly
 def test_sums_add_up_through_loss_kills_and_restarts() -> None:
     run = soak(minutes=0.03, seed=3)
     assert run.faults == []

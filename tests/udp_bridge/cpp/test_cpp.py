@@ -216,6 +216,7 @@ def test_vector_is_fragmented_to_the_same_bytes(name: str, send: Path) -> None:
     assert done.stdout == b"".join(LENGTH.pack(len(d)) + d for d in vector.datagrams)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("body_size", "size"), [(100, 1472), (300_000, 1472), (10**6, "loopback")])
 def test_cpp_receives_at_least_as_fast_as_python(
     rate: Path, body_size: int, size: int | str, tmp_path: Path
