@@ -17,7 +17,7 @@ from benchmarks.claims import Claim, add_options, judge
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.recording.traces import compare_traces, read_trace
 
-from .runs import TRACE, run_stack
+from .runs import TRACE, run_stack, steady_pace
 
 FREE = ("time.nodes=[]", "time.answers={/cmd_vel: /imu}")
 COST_SECONDS = 6.0
@@ -50,19 +50,20 @@ def cost(folder: Path, pairs: int) -> float:
     kinds = [("nodes", ()), ("answers", FREE)]
     costs = []
     for number in range(pairs):
-        factors = {
-            name: run_stack(
-                folder / f"{name}_{number}",
+        paces = {}
+        for name, settings in kinds:
+            at = folder / f"{name}_{number}"
+            run_stack(
+                at,
                 seconds=COST_SECONDS,
                 loss=0.0,
                 longest_delay_s=0.0,
                 threads=1,
                 settings=settings,
             )
-            for name, settings in kinds
-        }
+            paces[name] = steady_pace(at)
         kinds.reverse()  # the load of the machine changes
-        held, free = factors["nodes"], factors["answers"]
+        held, free = paces["nodes"], paces["answers"]
         print(f"{held:.2f} x real time with `nodes`, {free:.2f} with `answers`", flush=True)
         costs.append(free / held - 1)
     return statistics.median(costs)

@@ -15,6 +15,8 @@ from typing import Any
 
 from udp_bridge_ros2.environment import apply_defaults
 
+from .runs import TIMED, TIMED_TARGETS
+
 apply_defaults(os.environ)
 
 import rclpy  # noqa: E402
@@ -112,7 +114,7 @@ class WallClockPlanner(ObstaclePlanner):
 
 
 class TargetController(SlowNode):
-    """Answers each target with a command."""
+    """Answers each target with a command, and logs when it got some of them."""
 
     def __init__(self, name: str, longest_delay_s: float) -> None:
         super().__init__(name, longest_delay_s)
@@ -123,6 +125,8 @@ class TargetController(SlowNode):
     def _take(self, target: PoseStamped) -> None:
         self.think()
         self._number += 1
+        if self._number in TIMED_TARGETS:
+            print(f"{TIMED} {time.monotonic()}", flush=True)
         twist = Twist()
         twist.linear.x = target.pose.position.x
         twist.angular.z = target.pose.position.y + 0.1 * math.sin(self._number / 30)

@@ -19,6 +19,12 @@ LIMIT_SECONDS = 100.0
 
 TRACE, REPORT, LOG = "trace", "report.json", "log"
 """Files of a run."""
+TARGETS_PER_SECOND = 60
+"""One for each estimate and each scan, in sim time."""
+TIMED_TARGETS = TARGETS_PER_SECOND, 5 * TARGETS_PER_SECOND
+"""Numbers of the targets whose wall time the controller logs."""
+TIMED = "controller: wall time at a target:"
+"""Words before a wall time in the log."""
 
 
 def processes(planner: str = "planner") -> tuple[str, ...]:
@@ -98,6 +104,20 @@ def run_stack(
     if not (folder / REPORT).exists():
         raise RuntimeError(f"the run did not end; its log:\n{(folder / LOG).read_text()}")
     return float(json.loads((folder / REPORT).read_bytes())["real_time_factor"])
+
+
+def steady_pace(folder: Path) -> float:
+    """Return sim seconds for each wall second of a run, without its start, which takes seconds.
+
+    Raises
+    ------
+    ValueError
+        when the run was too short.
+    """
+    words = [line.split(TIMED) for line in (folder / LOG).read_text().splitlines()]
+    begun_s, ended_s = (float(found[1]) for found in words if len(found) == 2)
+    first, last = TIMED_TARGETS
+    return (last - first) / TARGETS_PER_SECOND / (ended_s - begun_s)
 
 
 def _log_to(folder: Path) -> None:

@@ -29,7 +29,7 @@ int main() {
       expected.push_back({0, static_cast<std::uint8_t>(every), topic, second});
       ledger = ResponseLedger(expected);
     } else if (verb == "published") {
-      ledger.published(topic, stamp_nanos);
+      if (ledger.published(topic, stamp_nanos)) std::cout << "worked_on ";
     } else if (verb == "received") {
       ledger.received(topic, stamp_nanos);
     } else if (verb == "forgive") {

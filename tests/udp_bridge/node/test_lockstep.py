@@ -15,6 +15,7 @@ from udp_bridge.wire import control
 from udp_bridge.wire.lockstep import (
     DONE,
     INCOMPLETE,
+    JOINED,
     RESTARTED,
     WAITING,
     Barrier,
@@ -33,6 +34,7 @@ GRAPH = (
     ExpectedResponse("/cmd_vel", "/filtered", TWIST),
     ExpectedResponse("/beat", "/clock"),
 )
+JOIN = tuple(ExpectedResponse("/cmd_vel", of, TWIST, JOINED) for of in ("/odom", "/clock"))
 SAMPLE = RosSample("", None, b"")
 
 
@@ -225,9 +227,9 @@ def test_messages_that_end_late_do_not_answer_the_next_barrier(rig: Rig) -> None
     assert (rig.ros.replies[-1].tick, rig.ros.replies[-1].state) == (16, INCOMPLETE)
 
 
-def begun_in_turn(rig: Rig) -> None:
-    rig.told(-1, first=0, responses=GRAPH, in_turn=True)
-    rig.told(8, first=0, responses=GRAPH, in_turn=True)
+def begun_in_turn(rig: Rig, graph: tuple[ExpectedResponse, ...] = GRAPH) -> None:
+    rig.told(-1, first=0, responses=graph, in_turn=True)
+    rig.told(8, first=0, responses=graph, in_turn=True)
     rig.turn(4 * SETTLE_S)
 
 
@@ -245,6 +247,31 @@ def test_in_turn_a_message_follows_the_responses_of_the_whole_graph(rig: Rig) ->
     rig.turn()
     assert rig.ros.replies[-1] == BarrierReply(EPISODE, 8, DONE)
     assert rig.ros.warnings == ["lockstep: tick 8 waits for a message on /filtered"]
+
+
+def test_a_message_follows_at_once_after_one_that_a_node_only_keeps_to_join_it(rig: Rig) -> None:
+    begun_in_turn(rig, JOIN)
+    assert [one.topic for one in rig.ros.published] == ["/odom", "/clock"]
+    assert rig.ros.replies[-1].state == WAITING
+    rig.half.received("/cmd_vel", SAMPLE)
+    rig.turn()
+    assert rig.ros.replies[-1] == BarrierReply(EPISODE, 8, DONE)
+
+
+def test_the_reply_does_not_wait_until_the_last_messages_that_cause_nothing_are_published(
+    rig: Rig,
+) -> None:
+    begun_in_turn(rig, ANSWERS)
+    rig.ros.is_busy = True
+    rig.half.received("/cmd_vel", SAMPLE)
+    rig.half.turn(rig.ros)
+    assert [one.topic for one in rig.ros.published] == ["/odom", "/clock"]
+    assert rig.ros.replies[-1] == BarrierReply(EPISODE, 8, DONE)
+    rig.told(16, first=1, responses=ANSWERS, in_turn=True)
+    rig.half.received("/cmd_vel", SAMPLE)
+    rig.turn()
+    last = rig.ros.replies[-1]
+    assert (last.tick, last.state) == (16, INCOMPLETE), "a run is one Barrier ahead at most"
 
 
 def test_messages_that_nothing_caused_are_logged_once_and_answer_nothing(rig: Rig) -> None:

@@ -126,11 +126,12 @@ def test_every_nth_message_and_stamps_of_several_causes() -> None:
             ExpectedResponse("/pose", "/odom", 0, JOINED),
         ]
     )
-    owed = []
+    owed, is_worked_on = [], []
     for topic, stamp in [("/odom", 1), ("/scan", 1), ("/odom", 2), ("/scan", 2)]:
-        ledger.published(topic, stamp)
+        is_worked_on.append(ledger.published(topic, stamp))
         owed.append(ledger.owing())
     assert owed == ["", "", "", "/map"]
+    assert is_worked_on == [False, True, False, True], "a scan that is counted may change /map"
     ledger.received("/map", 2)
     assert ledger.owing() == "/pose"
     ledger.received("/pose", 2)
@@ -142,7 +143,7 @@ def test_messages_without_a_stamp_are_joined_by_their_number() -> None:
         [ExpectedResponse("/c", "/a", 0, JOINED), ExpectedResponse("/c", "/b", 0, JOINED)]
     )
     for topic, owing in [("/a", ""), ("/a", ""), ("/b", "/c"), ("/b", "/c")]:
-        ledger.published(topic)
+        assert ledger.published(topic) == bool(owing)
         assert ledger.owing() == owing
     for owing in ("/c", ""):
         ledger.received("/c")

@@ -3,10 +3,11 @@
 
 From its first Barrier on, a gateway's messages are held. A Barrier lists the messages that were
 sent; all of them are then published, in an order that does not depend on the network. A
-BarrierReply follows when ROS has responded as the Barrier requires. With `in_turn`, a message that
-causes responses is published after all responses to those before, so nodes with several inputs get
-them in one order. The link's thread hands messages over, the queue's thread publishes, and the
-thread that calls `turn` watches ROS and replies.
+BarrierReply follows when ROS has responded as the Barrier requires. With `in_turn`, the next
+message is published after all responses to those before, so nodes with several inputs get them in
+one order; but at once after a message that no node works on, as one that is kept to be joined. The
+link's thread hands messages over, the queue's thread publishes, and the thread that calls `turn`
+watches ROS and replies.
 
 Nothing is published before publishers and subscribers are matched: a new one is given `SETTLE_S`,
 because DDS does not tell when a match is complete.
@@ -21,7 +22,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from threading import RLock
-from typing import TYPE_CHECKING, Any, Callable, Deque, Dict, List, Sequence, Set
+from typing import TYPE_CHECKING, Any, Callable, Deque, Dict, List, Set
 
 from udp_bridge import MSG_TYPES
 from udp_bridge.receiver.barrier_buffer import AnnouncedCounts, BarrierBuffer, in_order
@@ -87,7 +88,7 @@ class _GatewayState:
         """When the last message was published; None while messages are queued."""
         self.is_queued = False
         """Whether all messages of the Barrier are here, and the first of them were queued."""
-        self.batches: Deque[List[Message]] = deque()
+        self.waiting: Deque[Message] = deque()
         """Messages to publish after the responses to those before."""
         self.reply: BarrierReply | None = None
         self.lost = 0
@@ -102,7 +103,7 @@ class _GatewayState:
         if barrier.tick >= 0:
             self._episode = barrier.episode
         self.published_s, self.is_queued, self.has_warned = None, False, False
-        self.batches.clear()
+        self.waiting.clear()
         self.reply, self.lost = None, 0
 
     def was_sent_before_start(self, barrier: Barrier) -> bool:
@@ -207,6 +208,7 @@ class BarrierResponder:
                 self._publish_if_complete(sender, gateway, barrier)
                 if gateway.is_queued:
                     return
+                self._wake()
             self._send_reply(sender, gateway, link)
 
     def turn(self, link: Link) -> None:
@@ -230,31 +232,22 @@ class BarrierResponder:
         if missing and time.monotonic() - gateway.begun_s < barrier.limit_ms / 1e3:
             return
         if barrier.sent and not self._is_matched(gateway, barrier):
-            self._wake()
             return
         gateway.lost, gateway.is_queued = missing, True
-        messages = in_order(gateway.buffer.take(barrier.sent))
-        gateway.batches = deque(self._batches(messages) if barrier.in_turn else [messages])
+        gateway.waiting = deque(in_order(gateway.buffer.take(barrier.sent)))
         gateway.needs_responses = False
         self._publish_batch(sender, gateway, barrier)
 
-    def _batches(self, messages: Sequence[Message]) -> List[List[Message]]:
-        """Return messages in parts; only the last message of a part causes responses."""
-        batches: List[List[Message]] = [[]]
-        for message in messages:
-            batches[-1].append(message)
-            if self._responses.are_caused_by(message.topic):
-                batches.append([])
-        return [batch for batch in batches if batch] or [[]]
-
     def _publish_batch(self, sender: Address, gateway: _GatewayState, barrier: Barrier) -> None:
+        """Publish the next messages, with `in_turn` until the first that a node works on."""
         self._report_surplus(barrier)
-        messages, gateway.published_s = gateway.batches.popleft(), None
-        gateway.needs_responses |= self._responses.due(
-            (message.topic, message.stamp_nanos)
-            for message in messages
-            if not gateway.is_first_of_episode or MSG_TYPES[message.msg_type].name != "Clock"
-        )
+        messages: List[Message] = []
+        gateway.published_s, is_worked_on = None, False
+        while gateway.waiting and not (is_worked_on and barrier.in_turn):
+            messages.append(message := gateway.waiting.popleft())
+            if not gateway.is_first_of_episode or MSG_TYPES[message.msg_type].name != "Clock":
+                is_worked_on = self._responses.published(message.topic, message.stamp_nanos)
+        gateway.needs_responses |= bool(self._responses.due_topic())
         if self._trace is not None:
             for message in messages:
                 self._trace.published(
@@ -283,7 +276,8 @@ class BarrierResponder:
     def _on_published(self, gateway: _GatewayState, barrier: Barrier) -> None:
         if gateway.barrier is barrier:  # else a reset overtook the last messages of its episode
             gateway.published_s = time.monotonic()
-        self._wake()
+        if not self._responses.due_topic():  # else the last response wakes
+            self._wake()
 
     def _prepare(
         self, sender: Address, gateway: _GatewayState, barrier: Barrier, link: Link, now_s: float
@@ -311,9 +305,11 @@ class BarrierResponder:
         self._give_up(gateway, barrier, now_s)
         if self._responses.due_topic():
             return
-        if gateway.batches:
+        if gateway.waiting:
             self._publish_batch(sender, gateway, barrier)
-            return
+            if self._responses.due_topic() or gateway.waiting:
+                return
+            # Nothing else is due: the next Barrier's messages are published behind these anyway.
         self._report_surplus(barrier)
         if not link.flush(FLUSH_S):
             return

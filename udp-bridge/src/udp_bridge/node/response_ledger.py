@@ -45,10 +45,14 @@ class ResponseLedger:
         self._numbers: Dict[str, int] = {}  # of messages without a stamp
         self._stamps: Dict[Tuple[str, int], Set[str]] = {}  # causes of joined topics so far
 
-    def published(self, topic: str, stamp_nanos: Optional[int] = None) -> None:
-        """Count a message that is published in ROS. What came before the first caused nothing."""
+    def published(self, topic: str, stamp_nanos: Optional[int] = None) -> bool:
+        """Count a message that is published in ROS. What came before the first caused nothing.
+
+        Returns whether a node works on it. A node that joins messages only keeps those before the
+        last of a stamp, so it does not matter in which order it gets them.
+        """
         self._has_begun = True
-        self._count(topic, stamp_nanos)
+        return self._count(topic, stamp_nanos)
 
     def received(self, topic: str, stamp_nanos: Optional[int] = None) -> None:
         """Count a message that ROS published, as a response and as a cause of further ones."""
@@ -87,12 +91,16 @@ class ResponseLedger:
             found |= {response.topic for response in self._expected if response.of in found}
         return found
 
-    def _count(self, topic: str, stamp_nanos: Optional[int]) -> None:
+    def _count(self, topic: str, stamp_nanos: Optional[int]) -> bool:
         if stamp_nanos is None:
             stamp_nanos = self._numbers[topic] = self._numbers.get(topic, 0) + 1
+        is_worked_on = False
         for response in self._expected:
             if response.of == topic:
-                self._owed[response.topic] += self._is_due(response, stamp_nanos)
+                is_due = self._is_due(response, stamp_nanos)
+                self._owed[response.topic] += is_due
+                is_worked_on |= is_due or response.every != JOINED
+        return is_worked_on
 
     def _count_anew(self, topic: str) -> None:
         """Count the causes of a topic from now on, as its publisher does."""

@@ -81,16 +81,10 @@ class ResponseTracker:
                 self._expected = expected
                 self._ledger = ResponseLedger(expected)
 
-    def are_caused_by(self, topic: str) -> bool:
-        """Return whether messages of a topic cause responses."""
-        return any(response.of == topic for response in self._expected)
-
-    def due(self, published: Iterable[Tuple[str, Optional[int]]]) -> bool:
-        """Count topics and stamps before they are published; return whether a response is due."""
+    def published(self, topic: str, stamp_nanos: Optional[int]) -> bool:
+        """Count a message before it is published; return whether a node works on it."""
         with self._lock:
-            for topic, stamp_nanos in published:
-                self._ledger.published(topic, stamp_nanos)
-            return bool(self._ledger.owing())
+            return self._ledger.published(topic, stamp_nanos)
 
     def received(self, topic: str, sample: RosSample) -> None:
         """Note a message of ROS."""

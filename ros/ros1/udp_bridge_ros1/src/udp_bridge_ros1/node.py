@@ -47,9 +47,9 @@ class Ros1Node:
         }
         publishers = Ros1Publishers(str(rospy.get_param("~frame_prefix", "")))
         self._subscriptions = Ros1Subscriptions()
+        wake = self._subscriptions.wake
         self._bridge = BridgeNode(
-            *(Settings(**settings), publishers, self._subscriptions, Ros1Graph()),
-            wake=self._subscriptions.wake,
+            *(Settings(**settings), publishers, self._subscriptions, Ros1Graph(wake)), wake=wake
         )
         # Created at once, since rospy connects subscribers after some time.
         diagnostics = rospy.Publisher(TOPIC, DiagnosticArray, queue_size=1)
@@ -110,7 +110,15 @@ class Ros1Graph:
 
     Only connections of this node count. A message that is published before the connection exists
     does not reach the subscriber, and the master also lists nodes that have crashed.
+
+    Parameters
+    ----------
+    wake
+        Wakes the thread that calls `turn`; called from any thread.
     """
+
+    def __init__(self, wake: Callable[[], object]) -> None:
+        self._wake = wake
 
     def publishers(self, topic: str) -> FrozenSet[Hashable]:
         """Return identities of a topic's publishers; a restarted publisher has a new one."""
@@ -129,6 +137,7 @@ class Ros1Graph:
 
         def received(message: rospy.AnyMsg) -> None:
             take(RosSample("", None, message._buff))
+            self._wake()
 
         return rospy.Subscriber(topic, rospy.AnyMsg, received, queue_size=10)
 

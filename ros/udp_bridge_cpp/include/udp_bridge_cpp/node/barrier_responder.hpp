@@ -4,10 +4,11 @@
 //
 // From its first Barrier on, a gateway's messages are held. A Barrier lists the messages that were
 // sent; all of them are then published, in an order that does not depend on the network. A
-// BarrierReply follows when ROS has responded as the Barrier requires. With `in_turn`, a message
-// that causes responses is published after all responses to those before, so nodes with several
-// inputs get them in one order. All of it happens in the processing thread; only the publishing of
-// a batch ends in the publishing thread.
+// BarrierReply follows when ROS has responded as the Barrier requires. With `in_turn`, the next
+// message is published after all responses to those before, so nodes with several inputs get them
+// in one order; but at once after a message that no node works on, as one that is kept to be
+// joined. All of it happens in the processing thread; only the publishing of a batch ends in the
+// publishing thread.
 //
 // Nothing is published before publishers and subscribers are matched: new ones are given some time,
 // because DDS does not tell when a match is complete. A node that is started during a run requests
@@ -151,7 +152,7 @@ class BarrierResponder {
     std::uint32_t lost = 0;
     std::optional<std::uint64_t> episode;
     /// Messages to publish after the responses to those before.
-    std::deque<std::vector<Received>> batches;
+    std::deque<Received> waiting;
     /// When the last queued batch was published, 0 until then; none while nothing was queued.
     std::shared_ptr<std::atomic<std::int64_t>> published;
 
@@ -167,7 +168,7 @@ class BarrierResponder {
       if (next.tick >= 0) episode = next.episode;
       barrier = std::move(next);
       begun_nanos = now_nanos;
-      batches.clear();
+      waiting.clear();
       published.reset();
       reply.reset();
       has_warned = false;
@@ -217,32 +218,24 @@ class BarrierResponder {
     if (!barrier.sent.empty() && !is_matched(gateway)) return;
     gateway.lost = missing;
     gateway.needs_responses = false;
-    gateway.batches = batches(gateway.buffer.take(barrier.sent), barrier.in_turn);
-    publish_next_batch(gateway);
-  }
-
-  /// Return messages in batches: one, or, `in_turn`, such that only the last message of each batch
-  /// causes responses.
-  std::deque<std::vector<Received>> batches(std::vector<Received>&& messages, bool in_turn) const {
-    std::deque<std::vector<Received>> batches(1);
-    for (Received& received : messages) {
-      const bool is_cause = in_turn && responses_.are_caused_by(received.message.header.topic);
-      batches.back().push_back(std::move(received));
-      if (is_cause) batches.emplace_back();
+    for (Received& received : gateway.buffer.take(barrier.sent)) {
+      gateway.waiting.push_back(std::move(received));
     }
-    if (batches.size() > 1 && batches.back().empty()) batches.pop_back();
-    return batches;
+    publish_batch(gateway);
   }
 
-  void publish_next_batch(Gateway& gateway) {
+  /// Publish the next messages, with `in_turn` until the first that a node works on.
+  void publish_batch(Gateway& gateway) {
     report_surplus(*gateway.barrier);
-    std::vector<Received> messages = std::move(gateway.batches.front());
-    gateway.batches.pop_front();
-    for (const Received& received : messages) {
-      const udp_bridge::Header& header = received.message.header;
+    std::vector<Received> messages;
+    bool is_worked_on = false;
+    while (!gateway.waiting.empty() && !(is_worked_on && gateway.barrier->in_turn)) {
+      messages.push_back(std::move(gateway.waiting.front()));
+      gateway.waiting.pop_front();
+      const udp_bridge::Header& header = messages.back().message.header;
       // The first Clock of an episode needs no response: a ROS timer begins to count at it.
       if (gateway.is_first_of_episode && header.msg_type == kClock) continue;
-      responses_.published(header.topic, header.stamp_nanos());
+      is_worked_on = responses_.published(header.topic, header.stamp_nanos());
     }
     gateway.needs_responses |= !responses_.due_topic().empty();
     gateway.published = std::make_shared<std::atomic<std::int64_t>>(0);
@@ -291,7 +284,11 @@ class BarrierResponder {
     if (now_nanos - gateway.begun_nanos > kWarnNanos) responses_.forgive_absent(now_nanos);
     give_up(gateway, now_nanos);
     if (!responses_.due_topic().empty()) return;
-    if (!gateway.batches.empty()) return publish_next_batch(gateway);
+    if (!gateway.waiting.empty()) {
+      publish_batch(gateway);
+      if (!responses_.due_topic().empty() || !gateway.waiting.empty()) return;
+      // Nothing else is due: the next Barrier's messages are published behind these anyway.
+    }
     report_surplus(barrier);
     if (!peers_.at(sender).is_idle()) return;
     AnnouncedCounts::Counts counts = peers_.counts(sender);

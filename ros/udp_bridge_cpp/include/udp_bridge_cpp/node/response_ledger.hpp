@@ -47,10 +47,11 @@ class ResponseLedger {
   }
 
   /// Count a message that is published in ROS; one without a stamp counts by its number. What came
-  /// before the first caused nothing.
-  void published(const std::string& topic, Stamp stamp_nanos) {
+  /// before the first caused nothing. Return whether a node works on it: a node that joins messages
+  /// only keeps those before the last of a stamp, so their order does not matter.
+  bool published(const std::string& topic, Stamp stamp_nanos) {
     has_begun_ = true;
-    count(topic, stamp_nanos);
+    return count(topic, stamp_nanos);
   }
 
   /// Count a message that ROS published, as a response and as a cause of further ones.
@@ -104,11 +105,16 @@ class ResponseLedger {
   /// Stamps of a joined topic that lack a message on one of its causes; older ones are forgotten.
   static constexpr std::size_t kMaxStamps = 1024;
 
-  void count(const std::string& topic, Stamp stamp_nanos) {
+  bool count(const std::string& topic, Stamp stamp_nanos) {
     if (!stamp_nanos) stamp_nanos = ++numbers_[topic];
+    bool is_worked_on = false;
     for (const ExpectedResponse& response : expected_) {
-      if (response.of == topic) owed_[response.topic] += is_due(response, *stamp_nanos);
+      if (response.of != topic) continue;
+      const bool is_owed = is_due(response, *stamp_nanos);
+      owed_[response.topic] += is_owed;
+      is_worked_on |= is_owed || response.every != ExpectedResponse::kJoined;
     }
+    return is_worked_on;
   }
 
   /// Count the causes of a topic from now on, as its publisher does.

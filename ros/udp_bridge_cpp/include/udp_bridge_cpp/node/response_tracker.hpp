@@ -41,15 +41,9 @@ class ResponseTracker {
     ledger_ = ResponseLedger(expected);
   }
 
-  /// Return whether messages of a topic cause responses.
-  bool are_caused_by(const std::string& topic) const {
-    return std::any_of(expected_.begin(), expected_.end(),
-                       [&](const ExpectedResponse& response) { return response.of == topic; });
-  }
-
-  /// Count a message before it is published.
-  void published(const std::string& topic, std::int64_t stamp_nanos) {
-    ledger_.published(topic, stamp_nanos);
+  /// Count a message before it is published; return whether a node works on it.
+  bool published(const std::string& topic, std::int64_t stamp_nanos) {
+    return ledger_.published(topic, stamp_nanos);
   }
 
   /// Note a message of ROS.
