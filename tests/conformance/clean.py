@@ -9,8 +9,10 @@ import numpy as np
 
 from sensor_conformance.sources.source import Received, SourceTopic
 
+from . import clean_packets
+from .clean_packets import EPOCH, received
+
 DURATION = 8.0
-EPOCH = 1_700_000_000_000_000_000
 SPEED = 2.0
 ROOM = 22.0
 """Half the width of a square room."""
@@ -74,11 +76,6 @@ def turned(yaw: float) -> Message:
 def times(rate: float) -> Iterator[tuple[int, float]]:
     for index in range(int(DURATION * rate)):
         yield EPOCH + round(index / rate * 1e9), index / rate
-
-
-def received(rows: list[tuple[int, Message]]) -> list[Received]:
-    delays = np.random.default_rng(1).uniform(1e6, 3e6, len(rows)).astype(int)
-    return [Received(at + int(late), row) for (at, row), late in zip(rows, delays, strict=True)]
 
 
 def imu() -> list[Received]:
@@ -338,47 +335,6 @@ def right_info() -> list[Received]:
     return infos
 
 
-def velodyne() -> list[Received]:
-    """Return packets of a VLP-16 that turns slowly: 5 ms and 18 degrees a packet."""
-    rows = []
-    for index in range(500):
-        packet = np.zeros(1206, np.uint8)
-        blocks = packet[:1200].reshape(12, 100)
-        azimuths = (np.arange(12) * 150 + index * 1800) % 36000
-        blocks[:, :4] = np.stack((np.full(12, 0xEEFF), azimuths), 1).astype("<u2").view(np.uint8)
-        packet[1200:1204] = np.array([10_000_000 + index * 5000], "<u4").view(np.uint8)
-        packet[1204:] = 0x37, 0x22
-        rows.append((EPOCH + index * 5_000_000, Message(data=packet)))
-    return received(rows)
-
-
-def ouster() -> list[Received]:
-    """Return legacy packets of 16 rows: two revolutions of 512 columns."""
-    size = 16 + 16 * 12 + 4
-    rows = []
-    for index in range(64):
-        packet = np.zeros((16, size), np.uint8)
-        columns = np.arange(16) + index * 16
-        times = 5_000_000_000 + columns * 195_000
-        packet[:, :8] = times[:, None].astype("<u8").view(np.uint8)
-        packet[:, 8:10] = (columns % 512)[:, None].astype("<u2").view(np.uint8)
-        packet[:, 10:12] = (columns // 512)[:, None].astype("<u2").view(np.uint8)
-        packet[:, -4:] = 0xFF
-        rows.append((EPOCH + index * 3_120_000, Message(data=packet.reshape(-1))))
-    return received(rows)
-
-
-def ouster_imu() -> list[Received]:
-    noise = np.random.default_rng(10)
-    rows = []
-    for index in range(50):
-        times = np.full(3, 5_000_000_000 + index * 10_000_000).astype("<u8")
-        vectors = noise.normal((0, 0, 1, 0, 0, 0), 0.01).astype("<f4")
-        data = np.concatenate((times.view(np.uint8), vectors.view(np.uint8)))
-        rows.append((EPOCH + index * 10_000_000, Message(data=data)))
-    return received(rows)
-
-
 TOPICS = {
     "/imu": ("sensor_msgs/msg/Imu", imu),
     "/odom": ("nav_msgs/msg/Odometry", odometry),
@@ -393,10 +349,7 @@ TOPICS = {
     "/depth/image": ("sensor_msgs/msg/Image", depth),
     "/sonar": ("sensor_msgs/msg/Range", sonar),
     "/stereo/right/camera_info": ("sensor_msgs/msg/CameraInfo", right_info),
-    "/velodyne": ("velodyne/packet", velodyne),
-    "/ouster": ("ouster/lidar_packet", ouster),
-    "/ouster_imu": ("ouster/imu_packet", ouster_imu),
-}
+} | clean_packets.TOPICS
 
 
 def messages() -> Messages:

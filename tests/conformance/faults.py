@@ -2,7 +2,6 @@
 """Faults that real drivers, converters and simulators have, each put into the clean recording."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,43 +9,7 @@ import numpy as np
 from sensor_conformance.sources.source import Received
 
 from .clean import POINT, point_cloud, stamp, transform, turned, vector
-
-Alter = Callable[[list[Received]], list[Received] | None]
-
-
-@dataclass(frozen=True)
-class Fault:
-    """A fault in the messages of a topic, and the clause that finds it."""
-
-    name: str
-    clause: str
-    topic: str
-    alter: Alter
-    """Changes the messages, or returns others."""
-
-
-FAULTS: list[Fault] = []
-
-
-def fault(name: str, clause: str, topic: str) -> Callable[[Alter], Alter]:
-    def add(alter: Alter) -> Alter:
-        FAULTS.append(Fault(name, clause, topic, alter))
-        return alter
-
-    return add
-
-
-def each(name: str, clause: str, topic: str) -> Callable[[Callable[[Any], None]], None]:
-    """Add a fault that changes every message in the same way."""
-
-    def add(change: Callable[[Any], None]) -> None:
-        def alter(messages: list[Received]) -> None:
-            for _, message in messages:
-                change(message)
-
-        FAULTS.append(Fault(name, clause, topic, alter))
-
-    return add
+from .fault import FAULTS, Fault, each, fault
 
 
 def set_stamp(message: Any, nanoseconds: int) -> None:
@@ -656,72 +619,3 @@ def _(points: np.ndarray) -> np.ndarray:
 def _(points: np.ndarray) -> np.ndarray:
     points["y"] *= -1
     return points
-
-
-# Packets of devices.
-
-
-@each("the mark of a block is missing", "velodyne.structure", "/velodyne")
-def _(message: Any) -> None:
-    message.data[300:302] = 0
-
-
-@fault("a packet is cut off", "velodyne.structure", "/velodyne")
-def _(messages: list[Received]) -> None:
-    messages[9].message.data = messages[9].message.data[:1200]
-
-
-@each("the factory bytes are zero", "velodyne.factory", "/velodyne")
-def _(message: Any) -> None:
-    message.data[1204:] = 0
-
-
-@fault("azimuths stand still", "velodyne.azimuth", "/velodyne")
-def _(messages: list[Received]) -> None:
-    for _, message in messages:
-        message.data[:1200] = messages[0].message.data[:1200]
-
-
-def _retime(messages: list[Received], factor: float) -> None:
-    for _, message in messages:
-        time = message.data[1200:1204].view("<u4") * factor
-        message.data[1200:1204] = time.astype("<u4").view(np.uint8)
-
-
-@fault("times are in units of 100 us", "velodyne.timestamp", "/velodyne")
-def _(messages: list[Received]) -> None:
-    _retime(messages, 0.01)
-
-
-@fault("the clock of the head is fast by 10 %", "velodyne.timestamp", "/velodyne")
-def _(messages: list[Received]) -> None:
-    _retime(messages, 1.1)
-
-
-@each("packets have one column more", "ouster.structure", "/ouster")
-def _(message: Any) -> None:
-    message.data = np.concatenate((message.data, message.data[:213]))
-
-
-@fault("columns do not count up", "ouster.columns", "/ouster")
-def _(messages: list[Received]) -> None:
-    for _, message in messages:
-        columns = message.data.reshape(16, -1)
-        columns[:, 8:10] = columns[::-1, 8:10].copy()
-
-
-@fault("all columns of a packet have one time", "ouster.timestamp", "/ouster")
-def _(messages: list[Received]) -> None:
-    for _, message in messages:
-        columns = message.data.reshape(16, -1)
-        columns[:, :8] = columns[0, :8]
-
-
-@each("columns are marked as invalid", "ouster.valid", "/ouster")
-def _(message: Any) -> None:
-    message.data.reshape(16, -1)[:, -4:] = 0
-
-
-@each("acceleration of packets is in m/s2", "ouster.imu", "/ouster_imu")
-def _(message: Any) -> None:
-    message.data[24:36] = (message.data[24:36].view("<f4") * np.float32(9.81)).view(np.uint8)

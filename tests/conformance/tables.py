@@ -15,7 +15,8 @@ from sensor_conformance.clauses.stamps import PERIODIC
 from sensor_conformance.readings.base import TopicReadings
 from sensor_conformance.readings.recording import READERS
 
-from .faults import FAULTS, Fault
+from . import faults, packet_faults  # noqa: F401  (they fill the list)
+from .fault import FAULTS, Fault
 from .test_faults import with_fault
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "conformance.md"

@@ -13,8 +13,9 @@ from sensor_conformance.readings.recording import CheckedRecording, read_topic
 from sensor_conformance.sources.memory import MemorySource
 from sensor_conformance.sources.source import SourceTopic
 
+from . import faults, packet_faults  # noqa: F401  (they fill the list)
 from .clean import TOPICS, Messages, messages
-from .faults import FAULTS, Fault
+from .fault import FAULTS, Fault
 
 
 @cache

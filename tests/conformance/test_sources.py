@@ -15,14 +15,21 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from sensor_conformance.readings.motion import ImuReadings
-from sensor_conformance.readings.packets import OusterPackets, VelodynePackets
+from sensor_conformance.readings.packets import (
+    HesaiPackets,
+    LivoxPackets,
+    OusterPackets,
+    VelodynePackets,
+)
 from sensor_conformance.readings.recording import CheckedRecording
 from sensor_conformance.sources.bag import BagSource
 from sensor_conformance.sources.live import LiveSource
+from sensor_conformance.sources.memory import MemorySource
 from sensor_conformance.sources.pcap import PcapSource
-from sensor_conformance.sources.source import UnreadableSource
+from sensor_conformance.sources.source import Received, SourceTopic, UnreadableSource
 
-from .clean import imu, ouster, velodyne
+from .clean import imu
+from .clean_packets import hesai, livox, ouster, velodyne
 
 KIND = "sensor_msgs/msg/Imu"
 
@@ -159,6 +166,37 @@ def test_capture_has_the_packets_of_devices(tmp_path: Path, order: str, link: in
     (lidar,) = recording.of(OusterPackets)
     assert [row.tobytes() for row in lidar.rows] == others
     assert lidar.measurements.tolist() == list(range(80))
+
+
+def test_capture_has_packets_of_hesai_and_livox(tmp_path: Path) -> None:
+    made = {
+        port: [bytes(one.data) for _, one in all_of[:5]]
+        for port, all_of in ((2368, hesai()), (56301, livox()))
+    }
+    ip = [udp(one, port) for port, packets in made.items() for one in packets]
+    imu_data = struct.pack("<BHxxHxxxBx", 0, 60, 1, 0).ljust(60, b"\0")
+    recording = CheckedRecording.read(
+        PcapSource(pcap(tmp_path / "run.pcap", [*ip, udp(imu_data, 56401)]))
+    )
+    (head,) = recording.of(HesaiPackets)
+    (solid,) = recording.of(LivoxPackets)
+    assert [row.tobytes() for row in head.rows] == made[2368]
+    assert head.times[1] - head.times[0] == 5_000_000
+    assert head.numbers is not None
+    assert head.numbers.tolist() == [70_000 + index for index in range(5)]
+    assert [row.tobytes() for row in solid.rows] == made[56301]
+    assert [one.type for one in recording.topics].count("udp/datagram") == 1
+
+
+def test_message_of_a_driver_is_longer_than_its_packet() -> None:
+    """A PandarPacket has 1500 bytes, and says how many of them arrived."""
+    packet = np.pad(hesai()[0].message.data, (0, 420))
+    inner = SimpleNamespace(data=packet, size=1080, stamp=SimpleNamespace(sec=7, nanosec=5))
+    scan = Received(9, SimpleNamespace(packets=[inner]))
+    topic = SourceTopic("/pandar_packets", "pandar_msgs/msg/PandarScan")
+    (head,) = CheckedRecording.read(MemorySource({topic: [scan]})).of(HesaiPackets)
+    assert head.is_known
+    assert head.arrivals.tolist() == [7_000_000_005]
 
 
 def test_senders_on_one_port_are_topics_of_their_own(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from sensor_conformance.__main__ import parser
 
-from .faults import FAULTS
+from .fault import FAULTS
 from .tables import PAGE, clause_table
 from .test_report import ROOT
 

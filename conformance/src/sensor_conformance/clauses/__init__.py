@@ -13,8 +13,10 @@ from . import (
     covariances,
     frames,
     gnss,
+    hesai,
     imu,
     joints,
+    livox,
     odometry,
     packets,
     pictures,
@@ -39,6 +41,8 @@ FAMILIES: tuple[ModuleType, ...] = (
     clouds,
     cloud_noise,
     packets,
+    hesai,
+    livox,
 )
 """Modules of clauses, in the order of reports."""
 

@@ -87,7 +87,9 @@ def result(holds: bool, line: str, picture: ClausePlot | None = None) -> ClauseR
     return ClauseResult(Verdict.PASSED if holds else Verdict.FAILED, line, picture)
 
 
-def findings(found: Sequence[str], otherwise: str) -> ClauseResult:
+def findings(
+    found: Sequence[str], otherwise: str, picture: ClausePlot | None = None
+) -> ClauseResult:
     """Return failed with all findings in one line, or passed."""
     more = f" (and {len(found) - 3} more)" if len(found) > 3 else ""
-    return result(not found, "; ".join(found[:3]) + more if found else otherwise)
+    return result(not found, "; ".join(found[:3]) + more if found else otherwise, picture)

@@ -296,10 +296,9 @@ def rings(topic: CloudReadings, recording: CheckedRecording) -> ClauseResult:
         ("median", np.arange(len(medians)), np.array(medians)),
         dots=True,
     )
-    outcome = findings(
-        found, f"{len(present)} rings, {min(medians):.1f} to {max(medians):.1f} degrees"
+    return findings(
+        found, f"{len(present)} rings, {min(medians):.1f} to {max(medians):.1f} degrees", picture
     )
-    return ClauseResult(outcome.verdict, outcome.line, picture)
 
 
 @clause(

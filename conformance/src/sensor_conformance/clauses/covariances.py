@@ -80,8 +80,7 @@ def spread(topic: ImuReadings, recording: CheckedRecording) -> ClauseResult:
             found.append(lines[-1])
     if not lines:
         raise NotTested("no covariance is stated (zero, or -1)")
-    outcome = findings(found, "; ".join(lines))
-    return ClauseResult(outcome.verdict, outcome.line, picture)
+    return findings(found, "; ".join(lines), picture)
 
 
 @clause(

@@ -31,8 +31,7 @@ def within(topic: FixReadings, recording: CheckedRecording) -> ClauseResult:
     if np.any(np.abs(topic.altitude[topic.has_fix]) > 20_000):
         found.append("an altitude beyond 20 km")
     picture = plot("longitude", "latitude", ("fixes", longitude, latitude), dots=True)
-    outcome = findings(found, f"{len(latitude)} of {len(topic.latitude)} with a fix")
-    return ClauseResult(outcome.verdict, outcome.line, picture)
+    return findings(found, f"{len(latitude)} of {len(topic.latitude)} with a fix", picture)
 
 
 @clause(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Packets of devices: structure and timing as their manuals have them."""
+"""Packets of Velodyne and Ouster: structure and timing as their manuals have them."""
 
 import numpy as np
 
@@ -7,6 +7,7 @@ from sensor_conformance.readings.packets import (
     COLUMNS,
     OusterImuPackets,
     OusterPackets,
+    PacketReadings,
     VelodynePackets,
 )
 from sensor_conformance.readings.recording import CheckedRecording
@@ -31,6 +32,23 @@ HOUR = 3_600_000_000
 """Microseconds."""
 RESOLUTIONS = (512, 1024, 2048, 4096)
 G_LIMITS = (0.9, 1.1)
+
+
+def pace(topic: PacketReadings, passed: float) -> list[str]:
+    """Return a finding if the clock of packets does not run like that of their arrival.
+
+    Parameters
+    ----------
+    topic
+        The packets, with their times of arrival. Below 2 s these say too little.
+    passed
+        Nanoseconds from the first packet to the last by the device.
+    """
+    arrived = float(topic.arrivals[-1] - topic.arrivals[0])
+    if len(topic.arrivals) != len(topic.rows) or arrived <= 2e9:
+        return []
+    ratio = passed / arrived
+    return [] if 0.95 < ratio < 1.05 else [f"{ratio:.3f} times as fast as packets arrive"]
 
 
 @clause(
@@ -91,14 +109,9 @@ def velodyne_timestamp(topic: VelodynePackets, recording: CheckedRecording) -> C
         found.append("beyond an hour")
     if not (20 < usual < 20_000 and even > 0.97):
         found.append(f"steps of {usual:.0f} us, {100 * even:.1f} % even")
-    passed = float(np.sum(steps)) * 1e3
-    arrived = float(topic.arrivals[-1] - topic.arrivals[0])
-    if len(topic.arrivals) == len(topic.rows) and arrived > 2e9:
-        if not 0.95 < passed / arrived < 1.05:
-            found.append(f"{passed / arrived:.3f} times as fast as packets arrive")
+    found += pace(topic, float(np.sum(steps)) * 1e3)
     picture = plot("packet", "step, us", ("step", np.arange(len(steps)), steps), dots=True)
-    outcome = findings(found, f"{usual:.0f} us a packet")
-    return ClauseResult(outcome.verdict, outcome.line, picture)
+    return findings(found, f"{usual:.0f} us a packet", picture)
 
 
 @clause("ouster.structure", "A packet has the length of a format", OUSTER, OusterPackets)

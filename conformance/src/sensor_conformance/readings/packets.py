@@ -1,12 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Packets of devices as they leave the device: Velodyne and Ouster."""
+"""Packets of devices as they leave the device: Velodyne, Ouster, Hesai and Livox."""
 
+import zlib
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sensor_conformance.sources.pcap import LEGACY_LENGTHS, OUSTER, OUSTER_IMU, VELODYNE
+from sensor_conformance.sources.pcap import (
+    HESAI,
+    LEGACY_LENGTHS,
+    LIVOX,
+    LIVOX_HEADER,
+    LIVOX_POINTS,
+    OUSTER,
+    OUSTER_IMU,
+    VELODYNE,
+    hesai_length,
+)
 
 from .base import Floats, Times, TopicReadings, nanoseconds
 
@@ -28,7 +39,9 @@ class PacketReadings(TopicReadings):
     def take(self, index: int, message: Any) -> None:
         """Take the packets out of a datagram, or out of a message of a driver."""
         for one in getattr(message, "packets", (message,)):
-            self._packets.append(bytes(getattr(one, "buf", None) or one.data))
+            data = bytes(getattr(one, "buf", None) or one.data)
+            # A PandarPacket has 1500 bytes, of which the first `size` are the datagram.
+            self._packets.append(data[: getattr(one, "size", len(data))])
             stamp = getattr(one, "stamp", None)
             self._arrivals.append(0 if stamp is None else nanoseconds(stamp))
 
@@ -126,3 +139,83 @@ class OusterImuPackets(PacketReadings):
         return np.stack(
             [self.field(start + 4 * axis, "f4").astype(np.float64) for axis in range(3)], axis=1
         )
+
+
+class HesaiPackets(PacketReadings):
+    """Point cloud packets of PandarXT-16, PandarXT-32 and PandarXT-32M2X."""
+
+    types = (HESAI, "pandar_msgs/msg/PandarScan")
+
+    def finish(self) -> None:
+        """Take azimuths, times, return modes, speeds and sequence numbers."""
+        super().finish()
+        size = self.rows.shape[1]
+        self.headers = np.unique(self.rows[:, :12], axis=0)
+        """Distinct headers; those of a recording are all the same."""
+        self.is_known = len(self.headers) == 1 and hesai_length(self.headers[0].tobytes()) == size
+        if not self.is_known:
+            return
+        header = self.headers[0]
+        lasers, blocks = int(header[6]), int(header[7])
+        block = 2 + 4 * lasers
+        body = self.rows[:, 12 : 12 + blocks * block].reshape(-1, blocks, block)
+        words = np.ascontiguousarray(body[:, :, :2]).view("<u2")
+        self.azimuths: Floats = words[:, :, 0] / 100.0
+        """Degrees, clockwise, of each block."""
+        tail = 12 + blocks * block + 10
+        self.modes = self.rows[:, tail]
+        """Return modes."""
+        self.rpm: Floats = self.field(tail + 1, "u2").astype(np.float64)
+        self.dates = self.rows[:, tail + 3 : tail + 9]
+        """Year since 1900, month, day, hour, minute and second."""
+        self.microseconds = self.field(tail + 9, "u4").astype(np.int64)
+        """Of the second."""
+        year, month, *clock = self.dates.astype(np.int64).T
+        months = ((year - 70) * 12 + month - 1).astype("M8[M]").astype("M8[D]").astype(np.int64)
+        day, hour, minute, second = clock
+        seconds = (((months + day - 1) * 24 + hour) * 60 + minute) * 60 + second
+        self.times: Times = seconds * 10**9 + self.microseconds * 1000
+        """UTC in nanoseconds."""
+        self.numbers: Times | None = None
+        """Sequence numbers, if the device counts."""
+        if header[11] & 1:
+            self.numbers = self.field(tail + 14, "u4").astype(np.int64)
+
+
+class LivoxPackets(PacketReadings):
+    """Point packets of Livox LiDARs of SDK 2: Mid-360, HAP."""
+
+    types = (LIVOX,)
+
+    def finish(self) -> None:
+        """Take the header's fields, checksums and coordinates."""
+        super().finish()
+        self.is_known = self.rows.shape[1] > LIVOX_HEADER
+        if not self.is_known:
+            return
+        self.versions = self.rows[:, 0]
+        self.lengths = self.field(1, "u2")
+        self.intervals: Times = self.field(3, "u2").astype(np.int64) * 100
+        """Nanoseconds from the first point of a packet to that of the next."""
+        self.points = self.field(5, "u2").astype(np.int64)
+        """Points of each packet."""
+        self.numbers: Times = self.field(7, "u2").astype(np.int64)
+        """Of packets within a frame."""
+        self.data_types, self.time_types = self.rows[:, 10], self.rows[:, 11]
+        self.checksums = self.field(24, "u4")
+        self.computed = np.array([zlib.crc32(row[28:].tobytes()) for row in self.rows], np.uint32)
+        """What the checksums of the packets must be."""
+        self.times: Times = self.field(28, "u8").astype(np.int64)
+        """Nanoseconds of the first point."""
+
+    def coordinates(self) -> Floats | None:
+        """Return x, y, z in meters of all points; None if the packets have no coordinates."""
+        kinds = {1: ("<i4", 1e-3), 2: ("<i2", 1e-2)}
+        kind = int(self.data_types[0])
+        body = self.rows[:, LIVOX_HEADER:]
+        if kind not in kinds or body.shape[1] % LIVOX_POINTS[kind]:
+            return None
+        number, unit = kinds[kind]
+        spots = body.reshape(-1, LIVOX_POINTS[kind])
+        xyz = np.ascontiguousarray(spots[:, : 3 * np.dtype(number).itemsize]).view(number)
+        return np.asarray(xyz * unit, np.float64)

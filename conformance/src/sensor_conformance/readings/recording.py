@@ -13,7 +13,13 @@ from .base import Floats, Times, TopicReadings
 from .cloud import CloudReadings
 from .image import CameraInfoReadings, ImageReadings
 from .motion import FixReadings, ImuReadings, JointReadings, OdometryReadings
-from .packets import OusterImuPackets, OusterPackets, VelodynePackets
+from .packets import (
+    HesaiPackets,
+    LivoxPackets,
+    OusterImuPackets,
+    OusterPackets,
+    VelodynePackets,
+)
 from .scan import RangeReadings, ScanReadings
 from .transforms import FrameTree, TransformReadings
 
@@ -25,9 +31,11 @@ READERS: dict[str, type[TopicReadings]] = {
         CameraInfoReadings,
         CloudReadings,
         FixReadings,
+        HesaiPackets,
         ImageReadings,
         ImuReadings,
         JointReadings,
+        LivoxPackets,
         OdometryReadings,
         OusterImuPackets,
         OusterPackets,

@@ -12,6 +12,10 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from .source import Received, SourceTopic, UnreadableSource
 
 DRIVERS = {
+    "pandar_msgs/msg/PandarPacket": (
+        "builtin_interfaces/Time stamp\nuint8[1500] data\nuint32 size"
+    ),
+    "pandar_msgs/msg/PandarScan": ("std_msgs/Header header\npandar_msgs/PandarPacket[] packets"),
     "velodyne_msgs/msg/VelodynePacket": "builtin_interfaces/Time stamp\nuint8[1206] data",
     "velodyne_msgs/msg/VelodyneScan": (
         "std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets"

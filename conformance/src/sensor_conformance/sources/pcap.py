@@ -11,10 +11,19 @@ from .source import Received, SourceTopic, UnreadableSource
 VELODYNE = "velodyne/packet"
 OUSTER = "ouster/lidar_packet"
 OUSTER_IMU = "ouster/imu_packet"
+HESAI = "hesai/packet"
+LIVOX = "livox/point_packet"
 DATAGRAM = "udp/datagram"
 
 LEGACY_LENGTHS = {3392: 16, 6464: 32, 12608: 64, 24896: 128}
 """Bytes of lidar packets of Ouster's legacy format, and rows. All have 16 columns."""
+
+HESAI_XT = b"\xee\xff\x06\x01"
+"""First bytes of packets of the PandarXT family: marks, then the version of the protocol."""
+
+LIVOX_HEADER = 36
+LIVOX_POINTS = {1: 14, 2: 8, 3: 10}
+"""Bytes of a point by type of data: Cartesian in mm, Cartesian in cm, spherical."""
 
 _ORDERS = {
     b"\xd4\xc3\xb2\xa1": ("<", 1000),
@@ -99,7 +108,30 @@ def kind_of(data: bytes) -> str:
         return OUSTER
     if len(data) > 3000 and data[:1] == b"\x01" and (len(data) - 64) % 16 == 0:
         return OUSTER
+    if data[:4] == HESAI_XT and len(data) == hesai_length(data):
+        return HESAI
+    if _is_livox(data):
+        return LIVOX
     return DATAGRAM
+
+
+def hesai_length(data: bytes) -> int:
+    """Return how long a packet of a PandarXT is by its header; lasers and blocks stand there."""
+    if len(data) < 12:
+        return 0
+    lasers, blocks, has_sequence = data[6], data[7], data[11] & 1
+    return 12 + blocks * (2 + 4 * lasers) + 24 + 4 * has_sequence
+
+
+def _is_livox(data: bytes) -> bool:
+    """Say whether a datagram has points of a Livox LiDAR of SDK 2; those of its IMU have none."""
+    if len(data) <= LIVOX_HEADER or data[0] or data[10] not in LIVOX_POINTS:
+        return False
+    length: int
+    points: int
+    length, points = struct.unpack_from("<HxxH", data, 1)
+    expected = LIVOX_HEADER + points * LIVOX_POINTS[data[10]]
+    return len(data) == length == expected
 
 
 def _by_kind(messages: list[Received]) -> dict[str, list[Received]]:
