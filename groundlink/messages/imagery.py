@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages with pictures and distances: cameras, planar scanners and range finders.
+"""Messages with pictures and distances: cameras, planar scanners, range finders and radars.
 
 They have the fields of the ROS types, with units in the names. Values that follow from other
 fields, such as the last angle of a scan, are left out. The encoding field defines the pixels; this
@@ -8,9 +8,16 @@ module does not interpret them.
 
 from typing import Annotated, Literal
 
+import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 
 from .base import Reading, exactly, whole
+
+RADAR_POINT = np.dtype([(name, "<f4") for name in ("x", "y", "z", "velocity", "rcs", "snr")])
+"""A radar detection in the layout of sensor_msgs/PointCloud2: position in meters in the sensor's
+frame, radial velocity in m/s (positive: the distance grows), radar cross-section in dBsm,
+signal-to-noise ratio in dB."""
 
 Uint32 = Annotated[int, Meta(ge=0, le=2**32 - 1)]
 
@@ -135,3 +142,21 @@ class Range(Reading, frozen=True):
 
     variance_m2: float
     """Variance; 0 if unknown."""
+
+
+class RadarDetections(Reading, frozen=True):
+    """Detections of one frame of a radar, in no particular order (sensor_msgs/PointCloud2)."""
+
+    stamp_nanos: int
+    frame: str
+    """Sensor frame: x along the axis of the antenna, z up."""
+
+    points: memoryview
+    """`RADAR_POINT` records."""
+
+    def __post_init__(self) -> None:
+        whole(self.points, RADAR_POINT.itemsize, "points")
+
+    def records(self) -> NDArray[np.void]:
+        """Return the detections as a structured array, shape (N,), dtype `RADAR_POINT`."""
+        return np.frombuffer(self.points, RADAR_POINT)

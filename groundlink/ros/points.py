@@ -17,6 +17,7 @@ from groundlink.messages.ground_truth import (
     LabeledPoints,
     TruePoints,
 )
+from groundlink.messages.imagery import RADAR_POINT, RadarDetections
 
 from .codec import Codec, Moment, stamp_and_frame
 from .types import TYPES, header, nanos, quaternion, vector, xyz, xyzw
@@ -31,11 +32,11 @@ _FIELDS = {
         )
         for name, (_, offset, *_) in (record.fields or {}).items()
     ]
-    for record in (POINT, TRUE_POINT, LABELED_POINT)
+    for record in (POINT, TRUE_POINT, LABELED_POINT, RADAR_POINT)
 }
 
 
-def _cloud(message: PointCloud | TruePoints | LabeledPoints) -> dict[str, Any]:
+def _cloud(message: PointCloud | TruePoints | LabeledPoints | RadarDetections) -> dict[str, Any]:
     data = np.frombuffer(message.points, np.uint8)
     record = message.records().dtype
     return {
@@ -61,6 +62,10 @@ def _true_points_of(ros: Any, moment: Moment) -> TruePoints:
 
 def _labeled_points_of(ros: Any, moment: Moment) -> LabeledPoints:
     return LabeledPoints(*stamp_and_frame(ros), packed(ros.data))
+
+
+def _radar_detections_of(ros: Any, moment: Moment) -> RadarDetections:
+    return RadarDetections(*stamp_and_frame(ros), packed(ros.data))
 
 
 def _bodies(message: Bodies) -> dict[str, Any]:
@@ -100,5 +105,6 @@ CODECS = (
     Codec(PointCloud, "sensor_msgs/msg/PointCloud2", _cloud, _cloud_of),
     Codec(TruePoints, "sensor_msgs/msg/PointCloud2", _cloud, _true_points_of),
     Codec(LabeledPoints, "sensor_msgs/msg/PointCloud2", _cloud, _labeled_points_of),
+    Codec(RadarDetections, "sensor_msgs/msg/PointCloud2", _cloud, _radar_detections_of),
     Codec(Bodies, "tf2_msgs/msg/TFMessage", _bodies, _bodies_of),
 )

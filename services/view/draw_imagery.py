@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draw images, depth images, boxes of objects, laser scans and ranges in Rerun.
+"""Draw images, depth images, boxes of objects, scans, ranges and radar detections in Rerun.
 
 The entity of an image is in the frame `<optical frame>/image`. A CameraInfo message ties that frame
 to the optical frame; the image then also appears in the 3D view.
@@ -15,7 +15,14 @@ import rerun as rr
 
 from groundlink.messages.base import floats
 from groundlink.messages.ground_truth import Detections2D, Detections3D
-from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
+from groundlink.messages.imagery import (
+    CameraInfo,
+    CompressedImage,
+    Image,
+    LaserScan,
+    RadarDetections,
+    Range,
+)
 from groundlink.ros.pixels import ENCODINGS, pixels
 
 from .colors import RAINBOW
@@ -26,6 +33,9 @@ IMAGE_PLANE_M = 0.6
 """Distance of an image in front of its camera in the 3D view."""
 
 SCAN_COLOR = (255, 90, 90)
+
+DETECTION_RADIUS = -3.0
+"""Radius of a radar detection in points of the screen."""
 
 LABELS = ("/semantic", "/instances")
 """Last parts of the entities of images whose pixels are numbers of classes or objects."""
@@ -151,6 +161,17 @@ def laser_scan(drawing: Drawing, track: Track, path: str, message: LaserScan) ->
     if (whole := drawing.revolution(track, path, points)) is not None:
         drawn = rr.Points3D(whole[0], colors=SCAN_COLOR, radii=-2.0)
         drawing.log(path, message.stamp_nanos, drawn)
+
+
+def radar_detections(drawing: Drawing, track: Track, path: str, message: RadarDetections) -> None:
+    """Draw the detections of a frame, colored by their radial velocity from -10 to 10 m/s."""
+    drawing.in_frame(path, message.frame)
+    records = message.records()
+    share = np.clip((records["velocity"] + 10) / 20, 0, 1)
+    colors = RAINBOW[(share * 255).astype(np.uint8)]
+    points = np.stack([records[axis] for axis in "xyz"], axis=-1)
+    drawn = rr.Points3D(points, colors=colors, radii=DETECTION_RADIUS)
+    drawing.log(path, message.stamp_nanos, drawn)
 
 
 def range_reading(drawing: Drawing, track: Track, path: str, message: Range) -> None:

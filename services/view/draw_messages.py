@@ -290,6 +290,7 @@ FORMS: dict[type[BusMessage], Form] = {
     imagery.CameraInfo: draw_imagery.camera_info,
     imagery.LaserScan: draw_imagery.laser_scan,
     imagery.Range: draw_imagery.range_reading,
+    imagery.RadarDetections: draw_imagery.radar_detections,
     navigation.PoseStamped: pose_stamped,
     navigation.Odometry: odometry,
     navigation.OccupancyGrid: occupancy_grid,

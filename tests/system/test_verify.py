@@ -201,7 +201,8 @@ def test_a_run_in_real_time_with_people_and_accidents_in_it(tmp_path: Path) -> N
         assert physics.poll() is None
     done = groundlink("verify", str(out), str(scenario))
     assert done.returncode == 0, done.stdout + done.stderr
-    absent = ", ".join(f"rover/{name}" for name in ("camera", "worn", "sonar", "depth", "stereo"))
+    names = ("camera", "worn", "sonar", "radar", "depth", "stereo")
+    absent = ", ".join(f"rover/{name}" for name in names)
     assert f"no messages recorded of {absent}:" in done.stdout
     assert (
         "faults of `rover/imu` were changed during the run and are repeated: stuck, bias"

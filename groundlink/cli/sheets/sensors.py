@@ -125,7 +125,9 @@ def _left_out(spec: type[SensorSpec], sheet: CheckedDatasheet) -> dict[str, Any]
     """Return the defaults of the device's fields that a sheet does not state."""
     of_every_sensor = SensorSpec.__struct_fields__
     return {
-        field.name: msgspec.to_builtins(field.default)
+        field.name: msgspec.to_builtins(
+            field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
+        )
         for field in msgspec.structs.fields(spec)
         if field.name not in (*of_every_sensor, *sheet.figures) and not field.required
     }

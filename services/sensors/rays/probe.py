@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from groundlink.core.clock import TICK_NANOS
+from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.core.frames import Floats, matrix_from_quaternion, nlerp, quaternion_from_rpy
 from groundlink.messages.base import State
 from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.schema import Scenario, Vehicle
 
 from .replica import Replica
-from .scene import Hits
+from .scene import Hits, Numbers
 
 
 class SensorPose(NamedTuple):
@@ -71,6 +71,32 @@ class RayProbe:
         return SensorPose(
             base + world_from_base @ self._sensor_in_base, world_from_base @ self._base_from_sensor
         )
+
+    def velocities(self, nanos: int, points_in_world: Floats, body: Numbers) -> Floats:
+        """Return the velocity of points that move with bodies, in m/s in the world.
+
+        It is the mean over the last tick, so it is zero at the first state after a restart.
+
+        Parameters
+        ----------
+        nanos
+            As for `place`.
+        points_in_world : shape (3, N)
+        body : shape (N,)
+            Body of each point (`Hits.body`); -1 for the static world.
+        """
+        before, after = self.replica.motion(self._tick - 1, self._tick)
+        share = np.array(self._share(nanos))
+        velocities = np.zeros_like(points_in_world)
+        for number in np.unique(body[body >= 0]).tolist():
+            here, then, now = body == number, before[number], after[number]
+            position = then[:3] + share * (now[:3] - then[:3])
+            turned = matrix_from_quaternion(nlerp(then[3:], now[3:], share))
+            in_body = turned.T @ (points_in_world[:, here] - position[:, None])
+            turn = matrix_from_quaternion(now[3:]) - matrix_from_quaternion(then[3:])
+            moved = (now[:3] - then[:3])[:, None] + turn @ in_body
+            velocities[:, here] = moved / (TICK_NANOS / NANOS)
+        return velocities
 
     def cast(
         self, nanos: int, origin_in_world: Floats, directions_in_world: Floats, max_range_m: float

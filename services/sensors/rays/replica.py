@@ -30,6 +30,8 @@ class Replica(WorldReplica):
     ----------
     scene : Scene
         Its bodies are the links of all vehicles, in the scenario's order.
+    materials : list of str
+        Name of the material by the labels of `scene`.
     reflectivity : float32 array
         `Material.reflectance` by the labels of `scene`: up to 1 where diffuse.
     """
@@ -39,9 +41,9 @@ class Replica(WorldReplica):
         terrain, materials = scenario.world.terrain, scenario.world.materials
         soils = terrain.materials if terrain else ()
         of_links = [solid.material for link in self.links for solid in link]
-        everything = [*(solid.material for solid in self.static), *soils, *of_links]
+        self.materials = [*(solid.material for solid in self.static), *soils, *of_links]
         self.reflectivity: NDArray[np.float32] = np.array(
-            [materials[material].reflectance for material in everything], np.float32
+            [materials[material].reflectance for material in self.materials], np.float32
         )
         first_label = np.cumsum([len(self.static) + len(soils), *map(len, self.links)])
         bodies = [

@@ -70,6 +70,7 @@ EXAMPLES: list[BusMessage] = [
     ),
     imagery.LaserScan(13, "laser", 0.0, 0.5, 0.0, 0.1, 0.1, 30.0, memoryview(b""), memoryview(b"")),
     imagery.Range(14, "sonar", "ultrasound", 0.5, 0.25, 4.0, 1.5, 0.0),
+    imagery.RadarDetections(14, "radar", packed(np.zeros(2, imagery.RADAR_POINT))),
     navigation.PoseStamped(15, "map", (1.0, 2.0, 3.0), (0.0, 0.0, 0.6, 0.8)),
     navigation.Odometry(
         *(16, "odom", "base_link", (1.0, 2.0, 3.0), (0.0, 0.0, 0.6, 0.8)),
@@ -134,6 +135,8 @@ def read(payload: bytes, message_type: type[BusMessage]) -> None:
         assert message.records().dtype == ground_truth.TRUE_POINT
     if isinstance(message, ground_truth.LabeledPoints):
         assert message.records().dtype == ground_truth.LABELED_POINT
+    if isinstance(message, imagery.RadarDetections):
+        assert message.records().dtype == imagery.RADAR_POINT
     if isinstance(message, messages.PointCloud):
         assert message.records().dtype == POINT
     encode(message)

@@ -152,6 +152,10 @@ ANY: dict[type[BusMessage], st.SearchStrategy[Any]] = {
         LabeledPoints,
         *(STAMP, FRAME, st.integers(0, 9).flatmap(lambda n: numbers(n, LABELED_POINT.itemsize))),
     ),
+    imagery.RadarDetections: st.builds(
+        imagery.RadarDetections,
+        *(STAMP, FRAME, st.integers(0, 9).flatmap(lambda n: numbers(n, 24))),
+    ),
     LabelTable: tables(),
     Detections2D: detections(Detections2D, 4),
     Detections3D: detections(Detections3D, 10),

@@ -20,7 +20,15 @@ from groundlink.messages.base import (
     measured_nanos,
     packed,
 )
-from groundlink.messages.imagery import CameraInfo, CompressedImage, Image, LaserScan, Range
+from groundlink.messages.imagery import (
+    RADAR_POINT,
+    CameraInfo,
+    CompressedImage,
+    Image,
+    LaserScan,
+    RadarDetections,
+    Range,
+)
 from groundlink.messages.missing_readings import MissingReadings, MissingSpan
 from groundlink.messages.navigation import NavSatFix, Odometry
 from groundlink.messages.reading_schedule import ReadingSchedule
@@ -61,6 +69,9 @@ READINGS: dict[type[Reading], Reading] = {
         *((0.5, 0.0, 0.0), (0.0, 0.0, 0.1), COVARIANCE, COVARIANCE),
     ),
     NavSatFix: NavSatFix(0, "gps", 0, 1, 50.29, 18.68, 240.0, packed(np.eye(3)), 2),
+    RadarDetections: RadarDetections(
+        0, "radar", packed(np.array([(9, 1, 0, -3, 5, 20), (30, -4, 2, 7, 0, 15)], RADAR_POINT))
+    ),
     Range: Range(0, "sonar", "ultrasound", 0.5, 0.25, 4.0, 1.5, 0.0),
     CompressedImage: CompressedImage(0, "camera", "jpeg", packed(np.arange(9, dtype=np.uint8))),
     Image: Image(0, "camera", 2, 3, "mono8", 3, packed(np.arange(6, dtype=np.uint8))),

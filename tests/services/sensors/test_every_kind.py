@@ -46,6 +46,8 @@ from services.sensors.lidar.model import LidarModel
 from services.sensors.lidar.spec import Lidar
 from services.sensors.lidar_2d.model import Lidar2dModel
 from services.sensors.lidar_2d.spec import Lidar2d
+from services.sensors.radar.model import RadarModel
+from services.sensors.radar.spec import Radar
 from services.sensors.range.model import RangeModel
 from services.sensors.range.spec import RangeFinder
 from services.sensors.runtime.model import (
@@ -195,6 +197,16 @@ KINDS: dict[type[Any], tuple[st.SearchStrategy[Any], Callable[..., SensorModel]]
             st.sampled_from([0.0, 0.07, 0.35]),
         ),
         GnssModel,
+    ),
+    Radar: (
+        of_rate(
+            Radar,
+            **{"horizontal_fov_deg": 20.0, "vertical_fov_deg": 4.0, "ray_step_deg": 2.0},
+            **{"max_range_m": 60.0, "full_range_rcs_dbsm": -20.0, "range_resolution_m": 0.5},
+            **{"azimuth_resolution_deg": 3.0, "velocity_resolution_mps": 0.2},
+            **{"fluctuation": "swerling1", "false_alarms": 2.0},
+        ),
+        RadarModel,
     ),
     RangeFinder: (
         of_rate(
@@ -422,6 +434,8 @@ def test_a_restart_goes_on_with_the_same_bytes(
         # It needs two states, those of its filter and then one whole window.
         ticks = 1 + low_pass_ticks(spec.gyroscope.bandwidth_hz)
         first_nanos += ticks * TICK_NANOS + round(1e9 / spec.rate_hz) + 1
+    if isinstance(spec, Radar):
+        first_nanos += 1  # It needs two states, for velocities.
     for made in (model(spec), same):
         later = sent(made, states[begin:])
         assert later.items() <= whole.items()

@@ -178,6 +178,13 @@ CASES: dict[type[BusMessage], tuple[BusMessage, str, type | None]] = {
         "rover/x",
         rr.Points3D,
     ),
+    imagery.RadarDetections: (
+        imagery.RadarDetections(
+            STAMP, "front", packed(np.array([(9, 1, 0, -3, 5, 20)], imagery.RADAR_POINT))
+        ),
+        "rover/x",
+        rr.Points3D,
+    ),
     imagery.Range: (
         imagery.Range(STAMP, "front", "ultrasound", 0.5, 0.1, 4.0, float("inf"), 0.0),
         "rover/x",

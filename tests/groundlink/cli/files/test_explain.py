@@ -46,7 +46,7 @@ def test_a_struct_is_a_table_of_its_fields(capsys: pytest.CaptureFixture[str]) -
 def test_a_choice_is_a_table_of_its_kinds(capsys: pytest.CaptureFixture[str]) -> None:
     text = said(capsys, "vehicles.sensors")
     assert "  lidar           A spinning 3D LiDAR.\n" in text
-    assert "  type     list of one of 10 kinds\n" in text
+    assert "  type     list of one of 11 kinds\n" in text
 
 
 def test_no_line_is_longer_than_80_columns() -> None:

@@ -17,7 +17,7 @@ from groundlink.messages.ground_truth import (
     LabeledPoints,
     LabelTable,
 )
-from groundlink.messages.imagery import LaserScan, Range
+from groundlink.messages.imagery import LaserScan, RadarDetections, Range
 from groundlink.messages.navigation import NavSatFix, Odometry
 from groundlink.scenario.faults import (
     KINDS,
@@ -66,7 +66,7 @@ def yaw(odometry: Odometry) -> float:
     return 2 * math.atan2(z, w)
 
 
-def cloud_range_m(cloud: PointCloud) -> np.ndarray:
+def cloud_range_m(cloud: PointCloud | RadarDetections) -> np.ndarray:
     return np.linalg.norm([cloud.records()[axis] for axis in "xyz"], axis=0)
 
 
@@ -76,6 +76,8 @@ def scan_range_m(scan: LaserScan) -> np.ndarray:
 
 VALUES: dict[tuple[type[Reading], str], tuple[Values, Any, Any]] = {
     (PointCloud, "range"): (cloud_range_m, 0.25, 1e-6),
+    (RadarDetections, "range"): (cloud_range_m, 0.25, 5e-6),
+    (RadarDetections, "velocity"): (lambda frame: frame.records()["velocity"], 0.5, 1e-6),
     (LaserScan, "range"): (lambda scan: scan_range_m(scan)[[0, 1, 7]], 0.25, 1e-6),
     (Imu, "acceleration"): (lambda imu: imu.linear_acceleration_mps2, (0.5, -0.25, 2.0), 1e-12),
     (Imu, "angular_velocity"): (lambda imu: imu.angular_velocity_radps, (0.5, 0.0, -1.0), 1e-12),
