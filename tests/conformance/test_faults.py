@@ -10,12 +10,26 @@ from sensor_conformance.checking import check_recording
 from sensor_conformance.clauses import TABLE
 from sensor_conformance.clauses.clause import Verdict
 from sensor_conformance.readings.recording import CheckedRecording, read_topic
+from sensor_conformance.report.svg import svg
 from sensor_conformance.sources.memory import MemorySource
 from sensor_conformance.sources.source import SourceTopic
 
 from . import faults, packet_faults  # noqa: F401  (they fill the list)
 from .clean import TOPICS, Messages, messages
 from .fault import FAULTS, Fault
+
+WITHOUT_FIGURES = {
+    "cloud.fields",
+    "frames.connected",
+    "frames.known",
+    "frames.order",
+    "frames.set",
+    "frames.slash",
+    "frames.tree",
+    "image.encoding",
+    "odometry.frames",
+}
+"""Clauses about names."""
 
 
 @cache
@@ -53,6 +67,15 @@ def test_fault_is_found(fault: Fault) -> None:
 
 def test_every_clause_has_a_fault() -> None:
     assert {fault.clause for fault in FAULTS} == {clause.id for clause in TABLE}
+
+
+def test_clauses_with_figures_have_a_picture() -> None:
+    drawn = {
+        one.clause.id
+        for one in check_recording(clean()).results
+        if one.result.picture is not None and svg(one.result.picture)
+    }
+    assert {clause.id for clause in TABLE} - drawn == WITHOUT_FIGURES
 
 
 def test_table() -> None:

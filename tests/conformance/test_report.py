@@ -17,7 +17,14 @@ from sensor_conformance.clauses import TABLE
 from sensor_conformance.clauses.clause import Verdict
 from sensor_conformance.report.junit import junit
 from sensor_conformance.report.page import page
-from sensor_conformance.report.plot import MOST_POINTS, plot
+from sensor_conformance.report.plot import (
+    MOST_POINTS,
+    count_plot,
+    named_plot,
+    plot,
+    series_plot,
+    steps_plot,
+)
 from sensor_conformance.report.svg import svg
 from sensor_conformance.sources.memory import MemorySource
 from sensor_conformance.sources.source import SourceTopic
@@ -75,6 +82,24 @@ def test_picture_has_curve_limits_and_ends() -> None:
     texts = [one.text for one in root if one.tag == "text"]
     assert "a < b" in texts
     assert "0" in texts
+
+
+def test_kinds_of_pictures() -> None:
+    counted = count_plot("wrong", np.array([False, True, False, True]))
+    assert counted.curves[0].y.tolist() == [0, 1, 1, 2]
+    series = series_plot("bytes", np.array([9, 7]), limits=(8.0,))
+    assert series.curves[0].y.tolist() == [9, 7]
+    assert series.limits == (8.0,)
+    stairs = steps_plot("rate", np.array([3, 1, 1, 2, 9, 8]), most=3)
+    assert stairs.curves[0].y.tolist() == [2, 3, 8]
+
+
+def test_named_numbers_stand_below_a_picture() -> None:
+    drawn = named_plot("pixels", {"fx": 120.0, "<cx>": 80.0})
+    root = ElementTree.fromstring(svg(drawn))
+    texts = {one.text: float(one.attrib.get("x", 0)) for one in root if one.tag == "text"}
+    assert texts["fx"] < texts["<cx>"]
+    assert not {"0", "1"} & set(texts)
 
 
 def test_picture_without_points_is_empty() -> None:

@@ -5,6 +5,7 @@ import numpy as np
 
 from sensor_conformance.readings.image import ENCODINGS, CameraInfoReadings, ImageReadings
 from sensor_conformance.readings.recording import CheckedRecording
+from sensor_conformance.report.plot import count_plot, named_plot, plot
 
 from .clause import ClauseResult, NotTested, clause, findings, result
 
@@ -68,7 +69,14 @@ def size(topic: ImageReadings, recording: CheckedRecording) -> ClauseResult:
             found.append(f"{length} bytes, {step} x {height} = {step * height} expected")
         if step < row:
             found.append(f"step {step}, a row of {width} {name} has {row}")
-    return findings(found, f"{len(set(topic.headers))} layouts")
+    count = np.arange(len(topic.headers))
+    picture = plot(
+        "image",
+        "bytes",
+        ("data", count, np.array([one.length for one in topic.headers])),
+        ("step x height", count, np.array([one.step * one.height for one in topic.headers])),
+    )
+    return findings(found, f"{len(set(topic.headers))} layouts", picture)
 
 
 @clause("image.decodes", "Every image can be decoded", "sensor_msgs/CompressedImage", ImageReadings)
@@ -76,7 +84,9 @@ def decodes(topic: ImageReadings, recording: CheckedRecording) -> ClauseResult:
     """No data are broken."""
     if not topic.is_raw and topic.undecoded == len(topic.headers):
         raise NotTested("the codec is not known here, or Pillow is missing")
-    return result(topic.undecoded == 0, f"{topic.undecoded} of {len(topic.headers)} fail")
+    picture = count_plot("images that fail", np.array(topic.fails), each="image")
+    line = f"{topic.undecoded} of {len(topic.headers)} fail"
+    return result(topic.undecoded == 0, line, picture)
 
 
 @clause(
@@ -91,7 +101,12 @@ def info_size(topic: ImageReadings, recording: CheckedRecording) -> ClauseResult
         found.append(f"images {sorted(sizes)}, camera_info {sorted(info.sizes)}")
     if set(topic.frames) != set(info.frames):
         found.append(f"image in {topic.frame!r}, camera_info in {info.frame!r}")
-    return findings(found, f"{sorted(info.sizes)} in {info.frame!r}")
+    edges = {
+        f"{name} {edge}": float(size)
+        for name, known in (("image", sizes), ("camera_info", info.sizes))
+        for edge, size in zip(("height", "width"), min(known, default=()), strict=False)
+    }
+    return findings(found, f"{sorted(info.sizes)} in {info.frame!r}", named_plot("pixels", edges))
 
 
 @clause(
@@ -105,10 +120,11 @@ def info_stamp(topic: ImageReadings, recording: CheckedRecording) -> ClauseResul
     info = _info_of(topic, recording)
     if len(topic.stamps) < 4:
         raise NotTested("fewer than 4 images")
-    missing = int(np.count_nonzero(~np.isin(topic.stamps[1:-1], info.stamps)))
-    return result(
-        missing <= 0.02 * len(topic.stamps), f"{missing} of {len(topic.stamps)} have none"
-    )
+    without = ~np.isin(topic.stamps[1:-1], info.stamps)
+    missing = int(np.count_nonzero(without))
+    picture = count_plot("images without camera_info", without, each="image")
+    line = f"{missing} of {len(topic.stamps)} have none"
+    return result(missing <= 0.02 * len(topic.stamps), line, picture)
 
 
 @clause(
@@ -131,7 +147,10 @@ def matrix(topic: CameraInfoReadings, recording: CheckedRecording) -> ClauseResu
         found.append(f"fx {k[0, 0]:g} for {width} columns")
     if p.any() and (not np.allclose(p[2], (0, 0, 1, 0)) or p[0, 0] <= 0):
         found.append("P is no projection")
-    return findings(found, f"fx {k[0, 0]:.1f}, fy {k[1, 1]:.1f}, {width} x {height}")
+    values = {"fx": k[0, 0], "fy": k[1, 1], "cx": k[0, 2], "cy": k[1, 2]}
+    picture = named_plot("pixels", {**values, "width": width, "height": height})
+    line = f"fx {k[0, 0]:.1f}, fy {k[1, 1]:.1f}, {width} x {height}"
+    return findings(found, line, picture)
 
 
 @clause(
@@ -148,7 +167,8 @@ def distortion(topic: CameraInfoReadings, recording: CheckedRecording) -> Clause
     if not topic.k.any():
         raise NotTested("not calibrated: K is zero")
     holds = len(topic.d) in (*COEFFICIENTS[model], 0) and np.isfinite(topic.d).all()
-    return result(bool(holds), f"{len(topic.d)} coefficients of {model!r}")
+    picture = named_plot("D", {str(index): float(one) for index, one in enumerate(topic.d)})
+    return result(bool(holds), f"{len(topic.d)} coefficients of {model!r}", picture)
 
 
 @clause("camera.rectification", "R is a rotation", DEFINITION, CameraInfoReadings)
@@ -158,7 +178,9 @@ def rectification(topic: CameraInfoReadings, recording: CheckedRecording) -> Cla
         raise NotTested("not calibrated: R is zero")
     off = float(np.abs(topic.r @ topic.r.T - np.eye(3)).max())
     turned = float(np.linalg.det(topic.r))
-    return result(off < 1e-3 and turned > 0, f"off by {off:.2g}, determinant {turned:.3f}")
+    picture = named_plot("R", {"off by": off, "determinant": turned})
+    line = f"off by {off:.2g}, determinant {turned:.3f}"
+    return result(off < 1e-3 and turned > 0, line, picture)
 
 
 @clause(
@@ -175,4 +197,5 @@ def baseline(topic: CameraInfoReadings, recording: CheckedRecording) -> ClauseRe
     shift = float(topic.p[0, 3])
     holds = shift == 0 if side == "left" else shift < 0
     meters = -shift / topic.p[0, 0] if topic.p[0, 0] else float("nan")
-    return result(holds, f"Tx {shift:.3f}: baseline {meters:.4f} m")
+    picture = named_plot("m", {"baseline": meters}, limits=(0.0,))
+    return result(holds, f"Tx {shift:.3f}: baseline {meters:.4f} m", picture)

@@ -9,7 +9,7 @@ import numpy as np
 from sensor_conformance.readings.base import Floats
 from sensor_conformance.readings.cloud import CloudReadings, positions
 from sensor_conformance.readings.recording import CheckedRecording
-from sensor_conformance.report.plot import ClausePlot, plot
+from sensor_conformance.report.plot import ClausePlot, plot, steps_plot
 from sensor_conformance.signals.statistics import spread
 
 from .clause import ClauseResult, NotTested, clause, result
@@ -154,4 +154,4 @@ def range_steps(topic: CloudReadings, recording: CheckedRecording) -> ClauseResu
         if np.mean(off < 0.1) > 0.9:
             found = step
     line = f"multiples of {1e3 * found:g} mm" if found else "no common step of 1 mm or more"
-    return result(found < COARSEST_STEP, line)
+    return result(found < COARSEST_STEP, line, steps_plot("range, m", values))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from sensor_conformance.readings.base import Floats
 from sensor_conformance.readings.cloud import KINDS, CloudReadings, positions
 from sensor_conformance.readings.recording import CheckedRecording
-from sensor_conformance.report.plot import plot
+from sensor_conformance.report.plot import count_plot, named_plot, plot, series_plot
 
 from .clause import ClauseResult, NotTested, clause, findings, result
 
@@ -38,6 +38,7 @@ timestamp) and Autoware (return_type channel time_stamp) write."""
 SECONDS = {"time": 1.0, "t": 1e-9, "timestamp": 1.0, "time_stamp": 1e-9, "offset_time": 1e-9}
 """Fields of times of points, and their unit."""
 RINGS = ("ring", "channel", "line")
+KEPT = "cloud that was kept"
 MOST_RING_SPREAD = 0.6
 """Degrees, deviation of the elevations of a ring. Beams leave some heads beside the center."""
 
@@ -98,7 +99,13 @@ def layout(topic: CloudReadings, recording: CheckedRecording) -> ClauseResult:
             elif field.offset < end or field.offset + field.size > one.point_step:
                 found.append(f"{field.name!r} overlaps or leaves the point")
             end = max(end, field.offset + field.size)
-    return findings(list(dict.fromkeys(found)), f"{topic.layouts[0].point_step} bytes a point")
+    first = topic.layouts[0]
+    picture = named_plot(
+        "offset in the point, bytes",
+        {field.name: field.offset for field in first.fields},
+        limits=(first.point_step,),
+    )
+    return findings(list(dict.fromkeys(found)), f"{first.point_step} bytes a point", picture)
 
 
 @clause(
@@ -124,10 +131,11 @@ def dense(topic: CloudReadings, recording: CheckedRecording) -> ClauseResult:
     """If is_dense is set, all points are finite; if not set, that is no finding."""
     if not topic.layouts[0].is_dense:
         raise NotTested("is_dense is false")
-    bad = sum(
+    counts = [
         int(np.count_nonzero(~np.isfinite(positions(one)).all(axis=1))) for one in _clouds(topic)
-    )
-    return result(bad == 0, f"{bad} points with NaN or infinity")
+    ]
+    picture = count_plot("points with NaN", np.array(counts), each=KEPT)
+    return result(not any(counts), f"{sum(counts)} points with NaN or infinity", picture)
 
 
 @clause(
@@ -141,7 +149,8 @@ def no_return(topic: CloudReadings, recording: CheckedRecording) -> ClauseResult
     if topic.layouts[0].height > 1:
         raise NotTested("organized")
     shares = [float(np.mean(~positions(one).any(axis=1))) for one in _clouds(topic)]
-    return result(max(shares) < 0.01, f"{100 * max(shares):.2f} % at the origin")
+    picture = series_plot("share at the origin", np.array(shares), limits=(0.01,), each=KEPT)
+    return result(max(shares) < 0.01, f"{100 * max(shares):.2f} % at the origin", picture)
 
 
 @clause(
@@ -193,15 +202,17 @@ def times(topic: CloudReadings, recording: CheckedRecording) -> ClauseResult:
 def time_order(topic: CloudReadings, recording: CheckedRecording) -> ClauseResult:
     """Within a ring, times do not decrease."""
     ring = ring_field(topic)
-    back = total = 0
+    counts, total = [], 0
     for points in _clouds(topic)[:6]:
         seen, *_ = _rays(points)
         order = np.argsort(points[ring][seen], kind="stable")
         values, rings = _times(topic, points)[seen][order], points[ring][seen][order]
         same = np.diff(rings.astype(np.int64)) == 0
-        back += int(np.count_nonzero((np.diff(values) < 0) & same))
+        counts.append(int(np.count_nonzero((np.diff(values) < 0) & same)))
         total += int(np.count_nonzero(same))
-    return result(back <= 0.01 * max(total, 1), f"{back} of {total} go back in time")
+    back = sum(counts)
+    picture = count_plot("points that go back", np.array(counts), each=KEPT)
+    return result(back <= 0.01 * max(total, 1), f"{back} of {total} go back in time", picture)
 
 
 @clause(
@@ -250,7 +261,7 @@ def stamp(topic: CloudReadings, recording: CheckedRecording) -> ClauseResult:
     name = next((name for name in SECONDS if name in topic.field_names), None)
     if name is None or not np.isfinite(topic.period):
         raise NotTested("no field of times, or one cloud")
-    worst = 0.0
+    worst, seen = 0.0, []
     for index, points in topic.clouds.items:
         values = points[name].astype(np.float64) * SECONDS[name]
         if not len(values):
@@ -259,7 +270,17 @@ def stamp(topic: CloudReadings, recording: CheckedRecording) -> ClauseResult:
         if ends[0] > 1e6:
             ends = ends - topic.stamps[index] / 1e9
         worst = max(worst, float(np.abs(ends).max()))
-    return result(worst <= 1.5 * topic.period, f"up to {worst:.4f} s from the stamp")
+        seen.append(ends)
+    count, limit = np.arange(len(seen)), 1.5 * topic.period
+    first, last = np.array(seen).reshape(-1, 2).T
+    picture = plot(
+        KEPT,
+        "time after the stamp, s",
+        ("first", count, first),
+        ("last", count, last),
+        limits=(-limit, limit),
+    )
+    return result(worst <= limit, f"up to {worst:.4f} s from the stamp", picture)
 
 
 @clause(

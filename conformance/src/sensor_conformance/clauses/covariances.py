@@ -6,7 +6,7 @@ import numpy as np
 from sensor_conformance.readings.base import Floats
 from sensor_conformance.readings.motion import FixReadings, ImuReadings, OdometryReadings
 from sensor_conformance.readings.recording import CheckedRecording
-from sensor_conformance.report.plot import plot
+from sensor_conformance.report.plot import named_plot, plot, series_plot
 from sensor_conformance.signals.statistics import white_noise
 
 from .clause import ClauseResult, NotTested, clause, findings
@@ -29,7 +29,7 @@ def valid(
     topic: ImuReadings | OdometryReadings | FixReadings, recording: CheckedRecording
 ) -> ClauseResult:
     """No eigenvalue is negative, except in matrices that are marked as missing by -1."""
-    found = []
+    found, least_of = [], {}
     for name, matrices in topic.covariances.items():
         marked = matrices[:, 0, 0] == -1
         some = np.unique(matrices[~marked], axis=0)[:200]
@@ -42,9 +42,11 @@ def valid(
         if np.any(np.abs(some - some.swapaxes(1, 2)).max(axis=(1, 2)) > 1e-6 * scale + 1e-15):
             found.append(f"{name}: not symmetric")
         least = np.linalg.eigvalsh((some + some.swapaxes(1, 2)) / 2).min(axis=1)
+        least_of[name] = float(least.min())
         if np.any(least < -1e-6 * scale - 1e-15):
             found.append(f"{name}: eigenvalue {least.min():.3g}")
-    return findings(found, ", ".join(topic.covariances))
+    picture = named_plot("least eigenvalue", least_of)
+    return findings(found, ", ".join(topic.covariances), picture)
 
 
 @clause(
@@ -102,7 +104,8 @@ def kind(topic: FixReadings, recording: CheckedRecording) -> ClauseResult:
     only = matrices[types == 2]
     if len(only) and np.any(only - only * np.eye(3)):
         found.append("DIAGONAL_KNOWN, but elements beside the diagonal")
-    return findings(found, f"types {np.unique(types).astype(int).tolist()}")
+    picture = series_plot("position_covariance_type", types)
+    return findings(found, f"types {np.unique(types).astype(int).tolist()}", picture)
 
 
 def _quietest(values: Floats, size: int) -> float:

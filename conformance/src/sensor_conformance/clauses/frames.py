@@ -10,7 +10,7 @@ from sensor_conformance.readings.base import TopicReadings
 from sensor_conformance.readings.image import CameraInfoReadings, ImageReadings
 from sensor_conformance.readings.recording import CheckedRecording
 from sensor_conformance.readings.transforms import TransformReadings
-from sensor_conformance.report.plot import plot
+from sensor_conformance.report.plot import named_plot, plot
 from sensor_conformance.signals.rotations import normalized, product, rotate
 
 from .clause import ClauseResult, NotTested, clause, findings, result
@@ -112,12 +112,14 @@ def order(topic: TransformReadings, recording: CheckedRecording) -> ClauseResult
 )
 def is_normalized(topic: TransformReadings, recording: CheckedRecording) -> ClauseResult:
     """The length of each quaternion is 1, and all numbers are finite."""
-    found = []
+    found, lengths = [], {}
     for (_, child), (_, translations, rotations) in topic.edges.items():
         off = float(np.max(np.abs(np.linalg.norm(rotations, axis=1) - 1)))
+        lengths[child] = off
         if not off < 1e-3 or not np.isfinite(translations).all():
             found.append(f"{child!r}: length off by {off:.3g}")
-    return findings(found, f"{len(topic.edges)} transforms")
+    picture = named_plot("length of the quaternion off by", lengths, limits=(1e-3,))
+    return findings(found, f"{len(topic.edges)} transforms", picture)
 
 
 @clause(
@@ -130,12 +132,13 @@ def static(topic: TransformReadings, recording: CheckedRecording) -> ClauseResul
     """All messages of a static transform are equal."""
     if not topic.is_static:
         raise NotTested("not a topic of static transforms")
-    found = [
-        f"{child!r} moves"
+    changes = {
+        child: float(max(np.ptp(translations, axis=0).max(), np.ptp(rotations, axis=0).max()))
         for (_, child), (_, translations, rotations) in topic.edges.items()
-        if np.any(np.ptp(translations, axis=0) > 1e-6) or np.any(np.ptp(rotations, axis=0) > 1e-6)
-    ]
-    return findings(found, f"{len(topic.edges)} transforms")
+    }
+    found = [f"{child!r} moves" for child, change in changes.items() if change > 1e-6]
+    picture = named_plot("largest change of a number", changes)
+    return findings(found, f"{len(topic.edges)} transforms", picture)
 
 
 @clause(
@@ -146,11 +149,13 @@ def static(topic: TransformReadings, recording: CheckedRecording) -> ClauseResul
 )
 def increasing(topic: TransformReadings, recording: CheckedRecording) -> ClauseResult:
     """For each pair of frames, no stamp is earlier than the one before."""
-    found = []
-    for (parent, child), (stamps, _, _) in topic.edges.items():
-        if back := int(np.count_nonzero(np.diff(stamps) < 0)):
-            found.append(f"{parent} to {child}: {back} stamps go back")
-    return findings(found, f"{len(topic.edges)} transforms")
+    back = {
+        f"{parent} to {child}": int(np.count_nonzero(np.diff(stamps) < 0))
+        for (parent, child), (stamps, _, _) in topic.edges.items()
+    }
+    found = [f"{name}: {count} stamps go back" for name, count in back.items() if count]
+    picture = named_plot("stamps that go back", back)
+    return findings(found, f"{len(topic.edges)} transforms", picture)
 
 
 @clause(
@@ -195,7 +200,9 @@ def optical(topic: TopicReadings, recording: CheckedRecording) -> ClauseResult:
             half = np.array([-0.5, 0.5, -0.5, 0.5])
             off = product(normalized(mount[1]) * np.array([-1, -1, -1, 1.0]), half)
             angle = 2 * float(np.degrees(np.arccos(min(1.0, abs(off[3])))))
-            return result(angle < 3, f"{angle:.1f} degrees from z forward in {name!r}")
+            picture = named_plot("degrees from z forward", {name: angle}, limits=(3.0,))
+            line = f"{angle:.1f} degrees from z forward in {name!r}"
+            return result(angle < 3, line, picture)
     mount = tree.mount(frame, recording.base_of(topic))
     if mount is None:
         raise NotTested(f"no static transform to {frame!r}")
@@ -203,6 +210,6 @@ def optical(topic: TopicReadings, recording: CheckedRecording) -> ClauseResult:
     down = rotate(normalized(mount[1]), np.array([0.0, 1.0, 0.0]))
     # A camera may look anywhere, but upright ones have x in the horizon and y below it.
     holds = abs(right[2]) < 0.5 and down[2] < 0.5
-    return result(
-        holds, f"x points {right.round(2).tolist()}, y {down.round(2).tolist()} in the base"
-    )
+    picture = named_plot("upward part", {"x": float(right[2]), "y": float(down[2])}, limits=(0.5,))
+    line = f"x points {right.round(2).tolist()}, y {down.round(2).tolist()} in the base"
+    return result(holds, line, picture)

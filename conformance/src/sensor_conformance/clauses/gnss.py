@@ -6,7 +6,7 @@ import numpy as np
 from sensor_conformance.readings.base import Floats
 from sensor_conformance.readings.motion import FixReadings
 from sensor_conformance.readings.recording import CheckedRecording
-from sensor_conformance.report.plot import plot
+from sensor_conformance.report.plot import count_plot, plot, steps_plot
 
 from .clause import ClauseResult, NotTested, clause, findings, result
 
@@ -43,10 +43,11 @@ def within(topic: FixReadings, recording: CheckedRecording) -> ClauseResult:
 def no_fix(topic: FixReadings, recording: CheckedRecording) -> ClauseResult:
     """With a fix, latitude and longitude are finite."""
     both = np.isfinite(topic.latitude) & np.isfinite(topic.longitude)
-    bad = int(np.count_nonzero(~both & topic.has_fix))
-    return result(
-        bad == 0, f"{bad} fixes without a number; {np.count_nonzero(~topic.has_fix)} no fix"
-    )
+    wrong = ~both & topic.has_fix
+    bad = int(np.count_nonzero(wrong))
+    picture = count_plot("fixes without a number", wrong)
+    line = f"{bad} fixes without a number; {np.count_nonzero(~topic.has_fix)} no fix"
+    return result(bad == 0, line, picture)
 
 
 @clause(
@@ -68,7 +69,9 @@ def resolution(topic: FixReadings, recording: CheckedRecording) -> ClauseResult:
             found.append(lines[-1])
     if not lines:
         raise NotTested("positions do not change")
-    return findings(found, "; ".join(lines))
+    north = topic.latitude[topic.has_fix & np.isfinite(topic.latitude)]
+    picture = steps_plot("latitude, m", (north - north[:1]) * METERS_PER_DEGREE)
+    return findings(found, "; ".join(lines), picture)
 
 
 @clause(

@@ -5,10 +5,10 @@ import numpy as np
 
 from sensor_conformance.readings.packets import HesaiPackets
 from sensor_conformance.readings.recording import CheckedRecording
-from sensor_conformance.report.plot import plot
+from sensor_conformance.report.plot import count_plot, plot, series_plot
 
 from .clause import ClauseResult, NotTested, clause, findings, result
-from .packets import pace
+from .packets import pace, size_plot
 
 MANUAL = "PandarXT User Manual, 3.1"
 RETURNS = {
@@ -64,7 +64,8 @@ def structure(topic: HesaiPackets, recording: CheckedRecording) -> ClauseResult:
     elif not topic.is_known:
         found.append(f"{topic.rows.shape[1]} bytes, not the length of the header")
     lasers, blocks = topic.headers[0][6:8]
-    return findings(found, f"{len(topic.rows)} packets of {blocks} blocks of {lasers} lasers")
+    line = f"{len(topic.rows)} packets of {blocks} blocks of {lasers} lasers"
+    return findings(found, line, size_plot(topic))
 
 
 @clause("hesai.sequence", "Sequence numbers count the packets", MANUAL, HesaiPackets)
@@ -77,7 +78,7 @@ def sequence(topic: HesaiPackets, recording: CheckedRecording) -> ClauseResult:
     back = int(np.count_nonzero((steps == 0) | (steps > TURNS / 2)))
     lost = np.where((steps > 1) & (steps <= TURNS / 2), steps - 1, 0)
     share = float(np.sum(lost)) / (float(np.sum(lost)) + len(numbers))
-    picture = plot("packet", "packets lost so far", ("lost", np.arange(len(lost)), np.cumsum(lost)))
+    picture = count_plot("packets lost", lost, each="packet")
     line = f"{int(np.sum(lost))} lost ({100 * share:.2f} %), {back} go back or repeat"
     return result(share <= MOST_LOST and back == 0, line, picture)
 
@@ -120,7 +121,7 @@ def timestamp(topic: HesaiPackets, recording: CheckedRecording) -> ClauseResult:
     if not (20 < usual < 20_000 and even > 0.97):
         found.append(f"steps of {usual:.0f} us, {100 * even:.1f} % even")
     found += pace(topic, float(times[-1] - times[0]))
-    picture = plot("packet", "step, us", ("step", np.arange(len(steps)), steps), dots=True)
+    picture = series_plot("step, us", steps, each="packet")
     return findings(found, f"{usual:.0f} us a packet", picture)
 
 
@@ -139,8 +140,7 @@ def return_mode(topic: HesaiPackets, recording: CheckedRecording) -> ClauseResul
     seen = _returns(topic)
     if not found and RETURNS[modes[0]] != seen:
         found.append(f"mode 0x{modes[0]:02x} has {RETURNS[modes[0]]} returns, packets have {seen}")
-    count = np.arange(len(topic.modes))
-    picture = plot("packet", "return mode", ("mode", count, topic.modes), dots=True)
+    picture = series_plot("return mode", topic.modes, each="packet")
     return findings(found, f"mode 0x{modes[0]:02x}, blocks in groups of {seen}", picture)
 
 

@@ -5,7 +5,7 @@ import numpy as np
 
 from sensor_conformance.readings.motion import ImuReadings
 from sensor_conformance.readings.recording import CheckedRecording
-from sensor_conformance.report.plot import plot
+from sensor_conformance.report.plot import count_plot, plot, steps_plot
 from sensor_conformance.signals.rotations import normalized, rates, rotate
 from sensor_conformance.signals.statistics import longest_constant, slope, step, white_noise
 
@@ -30,8 +30,10 @@ MOST_BIAS = 0.15
 def finite(topic: ImuReadings, recording: CheckedRecording) -> ClauseResult:
     """No vector holds NaN or an infinity."""
     rows = np.hstack((topic.gyro, topic.acceleration))
-    bad = int(np.count_nonzero(~np.isfinite(rows).all(axis=1)))
-    return result(bad == 0, f"{bad} of {len(rows)} readings are not finite")
+    wrong = ~np.isfinite(rows).all(axis=1)
+    bad = int(np.count_nonzero(wrong))
+    picture = count_plot("not finite", np.asarray(wrong))
+    return result(bad == 0, f"{bad} of {len(rows)} readings are not finite", picture)
 
 
 @clause(
@@ -163,10 +165,7 @@ def resolution(topic: ImuReadings, recording: CheckedRecording) -> ClauseResult:
     rate = max(np.nan_to_num([step(topic.gyro[:, axis]) for axis in range(3)]))
     acceleration = max(np.nan_to_num([step(topic.acceleration[:, axis]) for axis in range(3)]))
     holds = rate <= COARSEST_RATE and acceleration <= COARSEST_ACCELERATION
-    values = np.unique(topic.gyro[:, 2])
-    picture = plot(
-        "rank", "distinct values of z, rad/s", ("gyroscope", np.arange(len(values)), values)
-    )
+    picture = steps_plot("gyroscope z, rad/s", topic.gyro[:, 2])
     return result(holds, f"steps of {rate:.2g} rad/s and {acceleration:.2g} m/s2", picture)
 
 

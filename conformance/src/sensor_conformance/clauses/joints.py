@@ -5,7 +5,7 @@ import numpy as np
 
 from sensor_conformance.readings.motion import JointReadings
 from sensor_conformance.readings.recording import CheckedRecording
-from sensor_conformance.report.plot import plot
+from sensor_conformance.report.plot import named_plot, plot
 from sensor_conformance.signals.statistics import slope
 
 from .clause import ClauseResult, NotTested, clause, findings, result
@@ -21,7 +21,11 @@ def lengths(topic: JointReadings, recording: CheckedRecording) -> ClauseResult:
         for names, position, velocity, effort in topic.lengths
         if {position, velocity, effort} - {0, names}
     ]
-    return findings(found, f"{len(topic.joints)} joints")
+    parts = ("name", "position", "velocity", "effort")
+    wrong = [one for one in topic.lengths if set(one[1:]) - {0, one[0]}]
+    one = (wrong or list(topic.lengths))[:1]
+    picture = named_plot("elements", dict(zip(parts, one[0], strict=True))) if one else None
+    return findings(found, f"{len(topic.joints)} joints", picture)
 
 
 @clause(

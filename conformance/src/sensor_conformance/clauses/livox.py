@@ -5,11 +5,11 @@ import numpy as np
 
 from sensor_conformance.readings.packets import LivoxPackets
 from sensor_conformance.readings.recording import CheckedRecording
-from sensor_conformance.report.plot import plot
+from sensor_conformance.report.plot import count_plot, plot, series_plot
 from sensor_conformance.sources.pcap import LIVOX_HEADER, LIVOX_POINTS
 
 from .clause import ClauseResult, NotTested, clause, findings, result
-from .packets import pace
+from .packets import pace, size_plot
 
 PROTOCOL = "Livox wiki: communication protocol of the Mid-360"
 TIME_TYPES = (0, 1, 2)
@@ -37,7 +37,8 @@ def structure(topic: LivoxPackets, recording: CheckedRecording) -> ClauseResult:
     """Version, types and lengths are those of the protocol."""
     found = [f"packets of {length} bytes" for length in topic.wrong_lengths]
     if not topic.is_known:
-        return findings([*found, f"{topic.rows.shape[1]} bytes are no header"], "")
+        found.append(f"{topic.rows.shape[1]} bytes are no header")
+        return findings(found, "", size_plot(topic))
     size = topic.rows.shape[1]
     sizes = np.array([LIVOX_POINTS.get(int(kind), 0) for kind in topic.data_types])
     expected = LIVOX_HEADER + topic.points * sizes
@@ -50,7 +51,8 @@ def structure(topic: LivoxPackets, recording: CheckedRecording) -> ClauseResult:
     ):
         if bad := int(np.count_nonzero(wrong)):
             found.append(f"{bad} packets with a wrong {name}")
-    return findings(found, f"{len(topic.rows)} packets of {int(topic.points[0])} points")
+    line = f"{len(topic.rows)} packets of {int(topic.points[0])} points"
+    return findings(found, line, size_plot(topic))
 
 
 @clause("livox.checksum", "The CRC-32 is that of time and points", PROTOCOL, LivoxPackets)
@@ -58,8 +60,7 @@ def checksum(topic: LivoxPackets, recording: CheckedRecording) -> ClauseResult:
     """The checksum of each packet is that of its bytes from the time on."""
     wrong = _known(topic).checksums != topic.computed
     bad = int(np.count_nonzero(wrong))
-    count = np.arange(len(wrong))
-    picture = plot("packet", "wrong so far", ("wrong", count, np.cumsum(wrong)))
+    picture = count_plot("wrong checksums", wrong, each="packet")
     return result(bad == 0, f"{bad} of {len(wrong)} are wrong", picture)
 
 
@@ -97,7 +98,7 @@ def timestamp(topic: LivoxPackets, recording: CheckedRecording) -> ClauseResult:
     if even < 0.97:
         found.append(f"{100 * even:.1f} % even")
     found += pace(topic, float(times[-1] - times[0]))
-    picture = plot("packet", "step, us", ("step", np.arange(len(steps)), steps), dots=True)
+    picture = series_plot("step, us", steps, each="packet")
     return findings(found, f"{usual:.0f} us a packet", picture)
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from sensor_conformance.readings.base import Floats
 from sensor_conformance.readings.motion import OdometryReadings
 from sensor_conformance.readings.recording import CheckedRecording
-from sensor_conformance.report.plot import plot
+from sensor_conformance.report.plot import count_plot, plot
 from sensor_conformance.signals.rotations import inverse, normalized, rates, rotate
 from sensor_conformance.signals.statistics import slope
 
@@ -39,11 +39,13 @@ def frames(topic: OdometryReadings, recording: CheckedRecording) -> ClauseResult
 def finite(topic: OdometryReadings, recording: CheckedRecording) -> ClauseResult:
     """Poses and twists are finite, rotations have the length 1."""
     rows = np.hstack((topic.position, topic.orientation, topic.linear, topic.angular))
-    bad = int(np.count_nonzero(~np.isfinite(rows).all(axis=1)))
-    off = float(np.nanmax(np.abs(np.linalg.norm(topic.orientation, axis=1) - 1)))
-    return result(
-        bad == 0 and off < 1e-3, f"{bad} readings not finite; quaternions off by {off:.2g}"
-    )
+    wrong = ~np.isfinite(rows).all(axis=1)
+    bad = int(np.count_nonzero(wrong))
+    lengths = np.abs(np.linalg.norm(topic.orientation, axis=1) - 1)
+    off = float(np.nanmax(lengths))
+    picture = count_plot("wrong readings", wrong | (lengths >= 1e-3))
+    line = f"{bad} readings not finite; quaternions off by {off:.2g}"
+    return result(bad == 0 and off < 1e-3, line, picture)
 
 
 @clause(

@@ -11,7 +11,7 @@ from sensor_conformance.readings.packets import (
     VelodynePackets,
 )
 from sensor_conformance.readings.recording import CheckedRecording
-from sensor_conformance.report.plot import plot
+from sensor_conformance.report.plot import ClausePlot, plot, series_plot
 
 from .clause import ClauseResult, NotTested, clause, findings, result
 
@@ -32,6 +32,11 @@ HOUR = 3_600_000_000
 """Microseconds."""
 RESOLUTIONS = (512, 1024, 2048, 4096)
 G_LIMITS = (0.9, 1.1)
+
+
+def size_plot(topic: PacketReadings) -> ClausePlot:
+    """Return the bytes of each packet."""
+    return series_plot("bytes", topic.sizes, each="packet")
 
 
 def pace(topic: PacketReadings, passed: float) -> list[str]:
@@ -59,7 +64,7 @@ def velodyne_structure(topic: VelodynePackets, recording: CheckedRecording) -> C
     found = [f"packets of {length} bytes" for length in topic.wrong_lengths]
     if bad := int(np.count_nonzero(~np.isin(topic.flags, FLAGS))):
         found.append(f"{bad} blocks without a mark")
-    return findings(found, f"{len(topic.rows)} packets")
+    return findings(found, f"{len(topic.rows)} packets", size_plot(topic))
 
 
 @clause("velodyne.factory", "Factory bytes name return mode and product", VLP_16, VelodynePackets)
@@ -73,7 +78,15 @@ def velodyne_factory(topic: VelodynePackets, recording: CheckedRecording) -> Cla
     ]
     if len({product for _, product in pairs}) > 1:
         found.append("products differ")
-    return findings(found, ", ".join(PRODUCTS.get(product, "") for _, product in sorted(pairs)))
+    count = np.arange(len(topic.factory))
+    picture = plot(
+        "packet",
+        "byte",
+        ("return mode", count, topic.factory[:, 0]),
+        ("product", count, topic.factory[:, 1]),
+    )
+    line = ", ".join(PRODUCTS.get(product, "") for _, product in sorted(pairs))
+    return findings(found, line, picture)
 
 
 @clause("velodyne.azimuth", "Azimuths advance evenly, below 360 degrees", VLP_16, VelodynePackets)
@@ -121,7 +134,8 @@ def ouster_structure(topic: OusterPackets, recording: CheckedRecording) -> Claus
     if not topic.is_known:
         found.append(f"{topic.rows.shape[1]} bytes are no 16 columns")
     kind = "legacy" if topic.is_legacy else "with header"
-    return findings(found, f"{len(topic.rows)} packets of {topic.rows.shape[1]} bytes, {kind}")
+    line = f"{len(topic.rows)} packets of {topic.rows.shape[1]} bytes, {kind}"
+    return findings(found, line, size_plot(topic))
 
 
 @clause("ouster.columns", "Columns count up to the end of the revolution", OUSTER, OusterPackets)
@@ -167,7 +181,9 @@ def ouster_valid(topic: OusterPackets, recording: CheckedRecording) -> ClauseRes
     if not len(topic.is_valid):
         raise NotTested("no columns")
     share = float(np.mean(topic.is_valid))
-    return result(share > 0.3, f"{100 * share:.1f} % valid")
+    valid = topic.is_valid.reshape(-1, COLUMNS).sum(axis=1)
+    picture = series_plot("valid columns", valid, each="packet")
+    return result(share > 0.3, f"{100 * share:.1f} % valid", picture)
 
 
 @clause(
@@ -181,11 +197,13 @@ def ouster_imu(topic: OusterImuPackets, recording: CheckedRecording) -> ClauseRe
     found = [f"packets of {length} bytes" for length in topic.wrong_lengths]
     if not len(topic.times):
         raise NotTested("no packets")
-    median = float(np.median(np.linalg.norm(topic.acceleration, axis=1)))
+    lengths = np.linalg.norm(topic.acceleration, axis=1)
+    median = float(np.median(lengths))
+    picture = series_plot("|acceleration|, g", lengths, G_LIMITS, each="packet")
     if not G_LIMITS[0] < median < G_LIMITS[1]:
         found.append(f"acceleration {median:.3f} g")
     if not np.isfinite(topic.gyro).all():
         found.append("not finite")
     if back := int(np.count_nonzero(np.diff(topic.times) <= 0)):
         found.append(f"{back} times go back or repeat")
-    return findings(found, f"{median:.3f} g, {len(topic.times)} packets")
+    return findings(found, f"{median:.3f} g, {len(topic.times)} packets", picture)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from sensor_conformance.readings.base import Floats
 from sensor_conformance.readings.image import ImageReadings
 from sensor_conformance.readings.recording import CheckedRecording
-from sensor_conformance.report.plot import plot
+from sensor_conformance.report.plot import count_plot, plot, series_plot, steps_plot
 
 from .clause import ClauseResult, NotTested, clause, findings, result
 
@@ -76,8 +76,11 @@ def alive(topic: ImageReadings, recording: CheckedRecording) -> ClauseResult:
     """Successive images are not equal to the byte."""
     if not topic.is_picture or len(topic.checksums) < 3:
         raise NotTested("fewer than 3 pictures")
-    same = int(np.count_nonzero(np.diff(topic.checksums) == 0))
-    return result(same <= 0.02 * len(topic.checksums), f"{same} repeat the one before to the byte")
+    repeats = np.diff(topic.checksums) == 0
+    same = int(np.count_nonzero(repeats))
+    picture = count_plot("repeated images", repeats, each="image")
+    line = f"{same} repeat the one before to the byte"
+    return result(same <= 0.02 * len(topic.checksums), line, picture)
 
 
 @clause("image.levels", "Gray levels are not coarse", "EMVA 1288: quantization", ImageReadings)
@@ -136,7 +139,11 @@ def depth_invalid(topic: ImageReadings, recording: CheckedRecording) -> ClauseRe
         if share > 0.001:
             found.append(f"{100 * share:.2f} % are 65535")
     missing = float(np.mean(~np.isfinite(values) | (values == 0)))
-    return findings(found, f"{100 * missing:.1f} % without depth")
+    shares = [
+        float(np.mean(~np.isfinite(one.gray) | (one.gray == 0))) for _, one in topic.images.items
+    ]
+    picture = series_plot("share without depth", np.array(shares), each="image that was kept")
+    return findings(found, f"{100 * missing:.1f} % without depth", picture)
 
 
 @clause(
@@ -153,7 +160,8 @@ def depth_resolution(topic: ImageReadings, recording: CheckedRecording) -> Claus
     if len(near) < 3:
         raise NotTested("hardly any depth below 3 m")
     step = float(np.percentile(np.diff(near), 50))
-    return result(step <= 0.05, f"steps of {1e3 * step:.2f} mm")
+    picture = steps_plot("depth, m", near)
+    return result(step <= 0.05, f"steps of {1e3 * step:.2f} mm", picture)
 
 
 def _depths(topic: ImageReadings) -> Floats:

@@ -7,7 +7,7 @@ import numpy as np
 
 from sensor_conformance.readings.recording import CheckedRecording
 from sensor_conformance.readings.scan import RangeReadings, ScanReadings
-from sensor_conformance.report.plot import plot
+from sensor_conformance.report.plot import named_plot, plot
 from sensor_conformance.signals.statistics import spread
 
 from .clause import ClauseResult, NotTested, clause, findings, result
@@ -33,7 +33,11 @@ def angles(topic: ScanReadings, recording: CheckedRecording) -> ClauseResult:
             found.append("more than a turn: angles are radians")
         if one.intensities not in (0, one.ranges):
             found.append(f"{one.intensities} intensities for {one.ranges} ranges")
-    return findings(found, f"{topic.headers[0].ranges} ranges")
+    one = topic.headers[0]
+    numbers = {"ranges": float(one.ranges), "intensities": float(one.intensities)}
+    if one.angle_increment:
+        numbers["by the angles"] = (one.angle_max - one.angle_min) / one.angle_increment + 1
+    return findings(found, f"{one.ranges} ranges", named_plot("elements", numbers))
 
 
 @clause("scan.times", "time_increment and scan_time fit the rate", DEFINITION, ScanReadings)
@@ -47,7 +51,11 @@ def times(topic: ScanReadings, recording: CheckedRecording) -> ClauseResult:
         found.append(f"{one.ranges} x {one.time_increment:.3g} s is longer than {period:.3g} s")
     if one.scan_time and not 0.5 < one.scan_time / period < 2:
         found.append(f"scan_time {one.scan_time:.3g} s, period {period:.3g} s")
-    return findings(found, f"{abs(one.time_increment) * one.ranges:.4f} s of {period:.4f} s")
+    lasts = abs(one.time_increment) * one.ranges
+    picture = named_plot(
+        "s", {"time_increment x ranges": lasts, "scan_time": one.scan_time, "period": period}
+    )
+    return findings(found, f"{lasts:.4f} s of {period:.4f} s", picture)
 
 
 @clause("scan.limits", "Ranges are within the limits, or say why not", REP_117, ScanReadings)
@@ -124,4 +132,6 @@ def range_cone(topic: RangeReadings, recording: CheckedRecording) -> ClauseResul
         found.append(f"radiation_type {topic.radiation_type[0]:g}")
     if not np.all((topic.min_range >= 0) & (topic.min_range < topic.max_range)):
         found.append("min_range is not below max_range")
-    return findings(found, f"{topic.field_of_view[0]:.3f} rad")
+    curve = ("cone", topic.seconds, topic.field_of_view)
+    picture = plot("time, s", "field of view, rad", curve, limits=(0.0, float(np.pi)))
+    return findings(found, f"{topic.field_of_view[0]:.3f} rad", picture)

@@ -15,7 +15,7 @@ from sensor_conformance.readings.motion import (
 from sensor_conformance.readings.recording import CheckedRecording
 from sensor_conformance.readings.scan import RangeReadings, ScanReadings
 from sensor_conformance.readings.transforms import TransformReadings
-from sensor_conformance.report.plot import plot
+from sensor_conformance.report.plot import count_plot, plot
 
 from .clause import ClauseResult, NotTested, clause, result
 
@@ -57,7 +57,8 @@ def _intervals(topic: TopicReadings, least: int = 10) -> Floats:
 def is_set(topic: TopicReadings, recording: CheckedRecording) -> ClauseResult:
     """Stamps are not zero."""
     zero = int(np.count_nonzero(topic.stamps == 0))
-    return result(zero == 0, f"{zero} of {len(topic.stamps)} stamps are zero")
+    picture = count_plot("zero stamps", topic.stamps == 0)
+    return result(zero == 0, f"{zero} of {len(topic.stamps)} stamps are zero", picture)
 
 
 @clause(

@@ -64,8 +64,8 @@ class ImageReadings(TopicReadings):
         self.images: Samples[ImageSample] = Samples(most=12)
         self._profiles: list[Floats] = []
         self._sums: list[int] = []
-        self.undecoded = 0
-        """How many images could not be decoded."""
+        self.fails: list[bool] = []
+        """Of each image, whether it could not be decoded."""
 
     def take(self, index: int, message: Any) -> None:
         """Take the header and a profile; keep some images."""
@@ -86,8 +86,8 @@ class ImageReadings(TopicReadings):
             height, width = gray.shape if gray is not None else (0, 0)
             header = ImageHeader(str(message.format), height, width, 0, len(data))
         self.headers.append(header)
+        self.fails.append(gray is None)
         if gray is None:
-            self.undecoded += 1
             return
         if gray.dtype == np.uint8:
             self._profiles.append(gray.mean(axis=0, dtype=np.float64))
@@ -105,6 +105,11 @@ class ImageReadings(TopicReadings):
         widths = {len(one) for one in self._profiles}
         if len(self._profiles) == len(self.headers) and len(widths) == 1:
             self.profiles = np.array(self._profiles, np.float64)
+
+    @property
+    def undecoded(self) -> int:
+        """How many images could not be decoded."""
+        return sum(self.fails)
 
     @property
     def is_raw(self) -> bool:

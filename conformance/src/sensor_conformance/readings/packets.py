@@ -48,6 +48,8 @@ class PacketReadings(TopicReadings):
     def finish(self) -> None:
         """Join all packets of the usual length into rows of bytes."""
         lengths = np.array([len(one) for one in self._packets], np.int64)
+        self.sizes: Times = lengths
+        """Bytes of each packet, of any length."""
         usual = self.length or (int(np.median(lengths)) if len(lengths) else 0)
         self.wrong_lengths = sorted(set(lengths[lengths != usual].tolist()))
         whole = [one for one in self._packets if len(one) == usual]

@@ -9,6 +9,8 @@ from .plot import ClausePlot, Floats
 
 WIDTH, HEIGHT = 560, 220
 LEFT, RIGHT, TOP, BOTTOM = 64, 12, 12, 40
+MOST_NAMES = 12
+"""Names below a picture; more would not be legible."""
 COLORS = ("#00796b", "#e65100", "#3949ab")
 """Of the curves, in their order."""
 
@@ -45,7 +47,12 @@ def svg(drawn: ClausePlot) -> str:
             parts.append(f'<path class="dots" d="{text}" stroke="{color}"/>')
     for value, row in ((low_y, HEIGHT - BOTTOM), (high_y, TOP + 10)):
         parts.append(f'<text x="{LEFT - 4}" y="{row}" text-anchor="end">{value:.4g}</text>')
-    for value, anchor in ((low_x, "start"), (high_x, "end")):
+    for index, name in enumerate(drawn.names[:MOST_NAMES]):
+        anchor = "start" if index == 0 else "end" if index == len(drawn.names) - 1 else "middle"
+        # Long names of neighbors would overlap in one row.
+        place = f'x="{at_x(index):.0f}" y="{HEIGHT - BOTTOM + 14 + 12 * (index % 2)}"'
+        parts.append(f'<text {place} text-anchor="{anchor}">{escape(name)}</text>')
+    for value, anchor in () if drawn.names else ((low_x, "start"), (high_x, "end")):
         place = f'x="{at_x(value):.0f}" y="{HEIGHT - BOTTOM + 14}"'
         parts.append(f'<text {place} text-anchor="{anchor}">{value:.4g}</text>')
     middle = f'x="{(LEFT + WIDTH - RIGHT) / 2}" y="{HEIGHT - 8}" text-anchor="middle"'
