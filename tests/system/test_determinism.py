@@ -106,6 +106,7 @@ def test_every_stream_is_complete(expected: Heard) -> None:
     rates_hz = {
         "truth": 10,
         "scanner": 10,
+        "radar": 10,
         "encoders": 50,
         "worn": 50,
         "odometry": 50,
