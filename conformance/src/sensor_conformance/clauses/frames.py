@@ -154,7 +154,10 @@ def increasing(topic: TransformReadings, recording: CheckedRecording) -> ClauseR
         for (parent, child), (stamps, _, _) in topic.edges.items()
     }
     found = [f"{name}: {count} stamps go back" for name, count in back.items() if count]
-    picture = named_plot("stamps that go back", back)
+    picture = named_plot(
+        "stamps that go back",
+        {child: count for (_, child), count in zip(topic.edges, back.values(), strict=True)},
+    )
     return findings(found, f"{len(topic.edges)} transforms", picture)
 
 

@@ -23,7 +23,7 @@ svg text { fill: currentColor; font-size: 11px; }
 svg .frame { fill: none; stroke: #8888; }
 svg .limit { stroke: #c62828; stroke-dasharray: 4 3; }
 svg polyline { fill: none; stroke-width: 1.3; }
-svg .dots { stroke-linecap: round; stroke-width: 3; }
+svg .dots { stroke-linecap: round; stroke-width: 4; }
 """
 
 

@@ -23,6 +23,9 @@ def svg(drawn: ClausePlot) -> str:
         return ""
     low_x, high_x = _ends(x)
     low_y, high_y = _ends(np.concatenate((y, drawn.limits)))
+    if drawn.names:
+        # The first and the last dot stand inside the frame.
+        low_x, high_x = -0.5, len(drawn.names) - 0.5
 
     def at_x(value: float) -> float:
         return LEFT + (value - low_x) / (high_x - low_x) * (WIDTH - LEFT - RIGHT)
@@ -48,10 +51,9 @@ def svg(drawn: ClausePlot) -> str:
     for value, row in ((low_y, HEIGHT - BOTTOM), (high_y, TOP + 10)):
         parts.append(f'<text x="{LEFT - 4}" y="{row}" text-anchor="end">{value:.4g}</text>')
     for index, name in enumerate(drawn.names[:MOST_NAMES]):
-        anchor = "start" if index == 0 else "end" if index == len(drawn.names) - 1 else "middle"
         # Long names of neighbors would overlap in one row.
         place = f'x="{at_x(index):.0f}" y="{HEIGHT - BOTTOM + 14 + 12 * (index % 2)}"'
-        parts.append(f'<text {place} text-anchor="{anchor}">{escape(name)}</text>')
+        parts.append(f'<text {place} text-anchor="middle">{escape(name)}</text>')
     for value, anchor in () if drawn.names else ((low_x, "start"), (high_x, "end")):
         place = f'x="{at_x(value):.0f}" y="{HEIGHT - BOTTOM + 14}"'
         parts.append(f'<text {place} text-anchor="{anchor}">{value:.4g}</text>')
