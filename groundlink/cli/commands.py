@@ -14,6 +14,7 @@ from .files import (
     export,
     new,
     report,
+    resim,
     schema,
     secure,
     snapshot,
@@ -30,7 +31,7 @@ GROUPS = {
     "start a run": (demo, up, record, replay, snapshot, sweep),
     "look at a run": (top, view),
     "control a run": (drive, control, save, spawn, fault, link),
-    "use a recording": (report, verify, export, convert, fit),
+    "use a recording": (report, verify, resim, export, convert, fit),
     "write a scenario": (new, check, try_vehicle, explain, sensors, topics, schema, world),
     "set up": (compose, secure, completion),
 }

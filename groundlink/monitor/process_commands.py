@@ -2,6 +2,7 @@
 """Command lines of the processes of a run. Services are started as ``python -m`` only."""
 
 import socket
+from collections.abc import Collection
 from pathlib import Path
 
 from groundlink.bus.core_topics import GATEWAY, PHYSICS, RECORDER
@@ -62,6 +63,36 @@ def stepped(
         check_new_file("record", record)
         found[RECORDER] = [*recorder(str(record), run, endpoint), "--ordered"]
         found[PHYSICS] += ["--wait-for", RECORDER]
+    return found
+
+
+def following(
+    scenario: Scenario,
+    journal: Path,
+    recorder: list[str],
+    run: str,
+    endpoint: str,
+    *,
+    sensors: Collection[str],
+) -> dict[str, list[str]]:
+    """Return the command lines of a run that repeats a journal with some of its sensors.
+
+    Parameters
+    ----------
+    scenario
+        scenario of the journal.
+    recorder
+        command line of the process that takes the place of the recorder, without what joins it.
+    sensors
+        names of the sensors that run; the recorder stands in for all others.
+    """
+    modules = process_names(scenario)
+    joined = joining(run, endpoint)
+    physics = ["-m", modules[PHYSICS], "--follow", str(journal), "--wait-for", RECORDER, *joined]
+    found = {PHYSICS: physics, RECORDER: [*recorder, *joined]}
+    for name in scenario.sensor_names():
+        if name in sensors:
+            found[name] = ["-m", modules[name], "--name", name, *joined]
     return found
 
 

@@ -52,7 +52,7 @@ class BusRecorder:
     Parameters
     ----------
     absent
-        sensors that do not run: the recorder acknowledges in their place.
+        sensors and drivers that do not run: the recorder acknowledges in their place.
     ordered
         whether the files have an order that does not depend on arrival. The recorder then takes
         acknowledgements of all processes, whose order among other messages tells what has come,
@@ -72,7 +72,8 @@ class BusRecorder:
     ) -> None:
         self._bus, self._scenario, self._run, self._files = bus, scenario, run, files
         self._duration_nanos, self._absent = duration_nanos, absent
-        self._participants = participants(scenario) if ordered else {}
+        awaited = participants(scenario) if ordered else {}
+        self._participants = {n: each for n, each in awaited.items() if n not in absent}
         self._inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_MESSAGES)
         self._recorder = self._new_recorder()
         streams = (

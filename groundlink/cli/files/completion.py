@@ -78,6 +78,7 @@ WORDS = {
     "FILE": Words(files=("*",)),
     "DEVICE": Words(files=("*",)),
     "RUN.mcap": Words(files=("*.mcap",)),
+    "OTHER.mcap": Words(files=("*.mcap",)),
     "RUN.bag": Words(files=("*.bag",)),
     "FILE.json": Words(files=("*.json",)),
     "FILE.rrd": Words(files=("*.rrd",)),

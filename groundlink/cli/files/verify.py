@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 from rich.console import Console
 
-from groundlink.bus.topics import process_names
 from groundlink.cli import Subparsers
 from groundlink.cli.run import running, supervised
 from groundlink.cli.terminal import output as terminal
@@ -187,25 +186,11 @@ def _run(
     """Run until the recording is repeated; return an exit code if that failed."""
     verdict = folder / VERDICT
     run, endpoint = f"verify_{os.getpid()}", process_commands.free_endpoint()
-    joining = process_commands.joining(run, endpoint)
-    modules = process_names(again)
-    commands = {
-        "physics": ["-m", modules["physics"], "--follow", str(folder / FOLLOWED), *joining],
-        running.RECORDER: [
-            *(
-                "-m",
-                "services.recorder.verifier",
-                str(recording),
-                "--verdict",
-                str(verdict),
-                *joining,
-            )
-        ],
-    }
-    commands["physics"] += ["--wait-for", running.RECORDER]
-    for name in again.sensor_names():
-        if name not in absent:
-            commands[name] = ["-m", modules[name], "--name", name, *joining]
+    verifier = ["-m", "services.recorder.verifier", str(recording), "--verdict", str(verdict)]
+    commands = process_commands.following(
+        *(again, folder / FOLLOWED, verifier, run, endpoint),
+        sensors=set(again.sensor_names()) - set(absent),
+    )
     supervised_run = supervised.SupervisedRun(
         commands, run, endpoint, console, finite={running.RECORDER}
     )
