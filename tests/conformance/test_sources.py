@@ -14,6 +14,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from sensor_conformance.checking import check_source
 from sensor_conformance.readings.motion import ImuReadings
 from sensor_conformance.readings.packets import (
     HesaiPackets,
@@ -25,7 +26,7 @@ from sensor_conformance.readings.recording import CheckedRecording
 from sensor_conformance.sources.bag import BagSource
 from sensor_conformance.sources.live import LiveSource
 from sensor_conformance.sources.memory import MemorySource
-from sensor_conformance.sources.pcap import PcapSource
+from sensor_conformance.sources.pcap import HESAI, LIVOX, PcapSource
 from sensor_conformance.sources.source import Received, SourceTopic, UnreadableSource
 
 from .clean import imu
@@ -197,6 +198,16 @@ def test_message_of_a_driver_is_longer_than_its_packet() -> None:
     (head,) = CheckedRecording.read(MemorySource({topic: [scan]})).of(HesaiPackets)
     assert head.is_known
     assert head.arrivals.tolist() == [7_000_000_005]
+
+
+@pytest.mark.parametrize("size", [0, 5, 11, 1080])
+def test_bytes_that_are_no_packets_are_a_finding(size: int) -> None:
+    junk = np.random.default_rng(size).integers(0, 256, (20, size), np.uint8)
+    messages = [Received(index, SimpleNamespace(data=row)) for index, row in enumerate(junk)]
+    for kind in ("hesai", "livox"):
+        topic = SourceTopic("/packets", {"hesai": HESAI, "livox": LIVOX}[kind])
+        report = check_source(MemorySource({topic: messages}))
+        assert f"{kind}.structure" in {one.clause.id for one in report.findings}
 
 
 def test_senders_on_one_port_are_topics_of_their_own(tmp_path: Path) -> None:

@@ -63,8 +63,10 @@ def structure(topic: HesaiPackets, recording: CheckedRecording) -> ClauseResult:
         found.append(f"{len(topic.headers)} different headers")
     elif not topic.is_known:
         found.append(f"{topic.rows.shape[1]} bytes, not the length of the header")
-    lasers, blocks = topic.headers[0][6:8]
-    line = f"{len(topic.rows)} packets of {blocks} blocks of {lasers} lasers"
+    line = f"{len(topic.rows)} packets"
+    if topic.is_known:
+        lasers, blocks = topic.headers[0][6:8]
+        line += f" of {blocks} blocks of {lasers} lasers"
     return findings(found, line, size_plot(topic))
 
 

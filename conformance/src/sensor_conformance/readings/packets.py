@@ -154,7 +154,9 @@ class HesaiPackets(PacketReadings):
         size = self.rows.shape[1]
         self.headers = np.unique(self.rows[:, :12], axis=0)
         """Distinct headers; those of a recording are all the same."""
-        self.is_known = len(self.headers) == 1 and hesai_length(self.headers[0].tobytes()) == size
+        self.is_known = (
+            size > 0 and len(self.headers) == 1 and hesai_length(self.headers[0].tobytes()) == size
+        )
         if not self.is_known:
             return
         header = self.headers[0]
