@@ -31,7 +31,7 @@ CLOUDS = LiveNode(
     frame="lidar_link",
     parameters=("lowest_m:=-1.0",),
 )
-"""The LiDAR is 3 m above the road, which a VLP-16 sees as circles that move with the tank."""
+"""The LiDAR is 2.4 m above the road, which a VLP-16 sees as circles that move with the tank."""
 
 PICTURES = LiveNode(
     script="visual_odometry_node/visual_odometry_node.py",
