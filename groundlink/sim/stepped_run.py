@@ -121,7 +121,7 @@ class SteppedRun:
         self._episode, self._tick, self._epoch_nanos = -1, -1, 0
         self._latest: dict[str, BusMessage] = {}
         self._acks: defaultdict[str, Ack] = defaultdict(lambda: Ack(-1, -1, -1))
-        self._commanded: dict[str, int] = {}
+        self._commanded: dict[str, tuple[int, int]] = {}  # newest tick, and number at that tick
         self._publishers: dict[str, Callable[[BusMessage], bytes]] = {}
         self._inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_DEPTH)
         self._lines: deque[str] = deque(maxlen=LINES_KEPT)
@@ -199,9 +199,10 @@ class SteppedRun:
         ticks = period if seconds is None else check_step(self.scenario, seconds)
         end = self._last_barrier(self._tick) + ticks
         while self._tick < end:
-            self._acknowledge(
-                Ack(self._episode, self._tick, self._tick, commanded=dict(self._commanded))
-            )
+            commanded = {name: tick for name, (tick, _) in self._commanded.items()}
+            several = {name: count for name, (_, count) in self._commanded.items() if count > 1}
+            ack = Ack(self._episode, self._tick, self._tick, commanded=commanded, commands=several)
+            self._acknowledge(ack)
             self._wait(self._last_barrier(self._tick) + period, STEP_SECONDS)
 
     def command(self, vehicle: str, linear_mps: float, angular_radps: float) -> None:
@@ -220,7 +221,8 @@ class SteppedRun:
         forward, turn = float(linear_mps), float(angular_radps)  # of NumPy's types, too
         velocity = Command(stamp_nanos, (forward, 0.0, 0.0), (0.0, 0.0, turn))
         self._publishers[vehicle](velocity)
-        self._commanded[vehicle] = self._tick
+        newest, count = self._commanded.get(vehicle, (-1, 0))
+        self._commanded[vehicle] = self._tick, count + 1 if newest == self._tick else 1
 
     def latest(self, stream: str) -> Any:
         """Return the newest message of a stream, or None before the first.

@@ -19,7 +19,7 @@ from groundlink.core.clock import TICK_RATE_HZ
 from groundlink.core.errors import RunFailed, UserError
 from groundlink.episode.journal import dumped, loaded
 from groundlink.episode.world_queries import EntitiesQuery, UnloadWorldQuery
-from groundlink.messages.base import Imu, PointCloud
+from groundlink.messages.base import Ack, Imu, PointCloud
 from groundlink.scenario.faults import Bias, OccludedSector, Off, Stuck
 from groundlink.sim.stepped_run import SteppedRun
 
@@ -72,6 +72,25 @@ def test_command_acts_in_the_next_tick_and_a_reset_takes_it_back(sim: SteppedRun
     sim.reset()
     assert sim.latest("rover/lidar") is None
     assert drive(sim) == first
+
+
+def test_physics_waits_for_each_of_several_commands(
+    sim: SteppedRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sim.reset()
+    sent: list[Ack] = []
+    acknowledge = sim._acknowledge
+    monkeypatch.setattr(sim, "_acknowledge", lambda ack: (sent.append(ack), acknowledge(ack))[1])
+    sim.command("rover", 0.8, 0.4)
+    sim.command("rover", 0.0, 0.0)
+    sim.step()
+    sim.command("rover", 0.8, 0.4)
+    sim.step()
+    tick = round(sim.step_s * TICK_RATE_HZ)
+    assert [(ack.commanded, ack.commands) for ack in sent] == [
+        ({"rover": 0}, {"rover": 2}),
+        ({"rover": tick}, {}),
+    ]
 
 
 def test_sensors_in_one_process_give_the_same(sim: SteppedRun, tmp_path: Path) -> None:
