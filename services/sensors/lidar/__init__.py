@@ -21,6 +21,6 @@ KIND = SensorKind(
     native="services.sensors.lidar.native:native_device",
     sees_world=True,
     bulky=True,
-    disturb={"range": "services.sensors.lidar.fault_effects:offset_range"},
-    cover="services.sensors.lidar.fault_effects:cover",
+    disturb={"range": "services.sensors.faults.point_effects:offset_range"},
+    cover="services.sensors.faults.point_effects:cover",
 )

@@ -12,8 +12,8 @@ KIND = SensorKind(
     model="services.sensors.radar.model:RadarModel",
     sees_world=True,
     disturb={
-        "range": "services.sensors.radar.fault_effects:offset_range",
+        "range": "services.sensors.faults.point_effects:offset_range",
         "velocity": "services.sensors.radar.fault_effects:offset_velocity",
     },
-    cover="services.sensors.radar.fault_effects:cover",
+    cover="services.sensors.faults.point_effects:cover",
 )

@@ -16,7 +16,8 @@ from groundlink.messages.imagery import RadarDetections
 from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.schema import Scenario
 from groundlink.world.weather import Weather
-from services.sensors.radar.fault_effects import cover, offset_range, offset_velocity
+from services.sensors.faults.point_effects import cover, offset_range
+from services.sensors.radar.fault_effects import offset_velocity
 from services.sensors.radar.model import RadarModel
 from services.sensors.radar.spec import Radar
 from tests.services.sensors.sheets import from_sheet

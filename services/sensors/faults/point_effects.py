@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fault effects on a point cloud: range offset and covered sector."""
+"""Fault effects on points of a LiDAR or a radar: range offset and covered sector."""
+
+from typing import TypeVar
 
 import numpy as np
 from msgspec.structs import replace
 
 from groundlink.messages.base import PointCloud, packed
-from services.sensors.faults.offsets import Offsets, within
+from groundlink.messages.imagery import RadarDetections
+
+from .offsets import Offsets, within
+
+Points = TypeVar("Points", PointCloud, RadarDetections)
 
 
-def offset_range(cloud: PointCloud, offsets: Offsets) -> PointCloud:
+def offset_range(cloud: Points, offsets: Offsets) -> Points:
     """Move points along the line from the sensor's origin; remove points that move behind it."""
     points = cloud.records()
     range_m = np.sqrt(sum(points[axis].astype(np.float64) ** 2 for axis in "xyz"))
@@ -21,7 +27,7 @@ def offset_range(cloud: PointCloud, offsets: Offsets) -> PointCloud:
     return replace(cloud, points=packed(points))
 
 
-def cover(cloud: PointCloud, begin_rad: float, width_rad: float) -> PointCloud:
+def cover(cloud: Points, begin_rad: float, width_rad: float) -> Points:
     """Remove the points of a sector."""
     points = cloud.records()
     azimuth = np.arctan2(points["y"], points["x"], dtype=np.float64)
