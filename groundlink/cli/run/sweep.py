@@ -10,10 +10,9 @@ import csv
 import itertools
 import json
 import os
-import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -28,8 +27,8 @@ from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.loader import load, overrides
-from groundlink.monitor.process_commands import free_endpoint
 
+from .cases import Case, check_recording, exit_code, record_case
 from .running import SCENARIO_HELP
 
 EXPERIMENTS = "experiments.studies.sweep"
@@ -37,12 +36,6 @@ REPOSITORY = Path(__file__).resolve().parents[3]
 
 CHECK = "check"
 """Column of what `--check` printed."""
-
-INTERRUPTED = 130
-
-
-Case = tuple[overrides.FieldChange, ...]
-"""The changed fields of a run."""
 
 Row = dict[str, Any]
 """Values of the changed fields, what `--check` printed, and figures, by column."""
@@ -113,12 +106,12 @@ def _sweep_scenario(options: argparse.Namespace) -> int:
             words = ", ".join(change.text for change in case)
             terminal.say(console, f"{number} of {len(cases)}: {words}")
             recording = folder / f"{number}.mcap"
-            code = _record(options, case, recording)
+            code = record_case(options.scenario, case, recording, options.duration)
             if code not in (0, 1) or not recording.exists():
                 return code or 1
             row: Row = {change.field: change.value for change in case}
             if options.check:
-                row[CHECK], check_code = _checked(options.check, recording)
+                row[CHECK], check_code = check_recording(options.check, recording)
                 code = code or check_code
             rows.append(row | key_figures_of(recording))
             failed += [words] if code else []
@@ -146,28 +139,6 @@ def _folder(out: Path | None) -> Iterator[Path]:
         return
     with tempfile.TemporaryDirectory(prefix="groundlink-sweep-") as name:
         yield Path(name)
-
-
-def _record(options: argparse.Namespace, case: Case, recording: Path) -> int:
-    """Record a case; return the exit code. Errors are printed, the tables of `record` are not."""
-    words = ["record", options.scenario, "--out", str(recording), "--listen", free_endpoint()]
-    words += ["--duration", options.duration] if options.duration else []
-    words += [word for change in case for word in ("--set", change.text)]
-    if sys.stderr.isatty():
-        words.append("--json")  # draws its progress bar on stderr
-    return _ended([sys.executable, "-m", "groundlink", *words], stdout=subprocess.DEVNULL)
-
-
-def _checked(command: str, recording: Path) -> tuple[str, int]:
-    """Run the check on a recording; return its last line, and its exit code."""
-    done = subprocess.run(
-        ["/bin/sh", "-c", f'{command} "$1"', "sh", str(recording)],
-        stdout=subprocess.PIPE,
-        text=True,
-        check=False,
-    )
-    last = (done.stdout.strip().splitlines() or ["-"])[-1]
-    return last, done.returncode
 
 
 def _columns(rows: Sequence[Row]) -> list[str]:
@@ -216,19 +187,6 @@ def _sweep_experiment(options: argparse.Namespace) -> int:
     for name, value in (("--seeds", options.seeds), ("--out", options.out)):
         words += [name, str(value)] if value else []
     path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
-    return _ended(
+    return exit_code(
         [sys.executable, "-m", EXPERIMENTS, *words], env=os.environ | {"PYTHONPATH": path}
     )
-
-
-def _ended(
-    command: Sequence[str],
-    *,
-    stdout: int | None = None,
-    env: Mapping[str, str] | None = None,
-) -> int:
-    """Run a command; return its exit code, also after Ctrl-C, which reaches it as well."""
-    try:
-        return subprocess.run(command, stdout=stdout, env=env, check=False).returncode
-    except KeyboardInterrupt:
-        return INTERRUPTED

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings of a scenario with changed fields, each by a process of its own, and their checks."""
+
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from groundlink.loader.overrides import FieldChange
+from groundlink.monitor.process_commands import free_endpoint
+
+INTERRUPTED = 130
+
+Case = tuple[FieldChange, ...]
+"""The changed fields of a run."""
+
+
+def record_case(scenario: str, case: Case, recording: Path, duration: str | None) -> int:
+    """Record a scenario with changed fields; return the exit code.
+
+    Errors are printed, the tables of `record` are not.
+
+    Parameters
+    ----------
+    scenario
+        name or file.
+    recording
+        file to write.
+    duration
+        sim time, s; None: that of `record`.
+    """
+    words = ["record", scenario, "--out", str(recording), "--listen", free_endpoint()]
+    words += ["--duration", duration] if duration else []
+    words += [word for change in case for word in ("--set", change.text)]
+    if sys.stderr.isatty():
+        words.append("--json")  # draws its progress bar on stderr
+    return exit_code([sys.executable, "-m", "groundlink", *words], stdout=subprocess.DEVNULL)
+
+
+def check_recording(command: str, recording: Path) -> tuple[str, int]:
+    """Run a shell command on a recording, its last argument; return its last line and exit code."""
+    done = subprocess.run(
+        ["/bin/sh", "-c", f'{command} "$1"', "sh", str(recording)],
+        stdout=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    last = (done.stdout.strip().splitlines() or ["-"])[-1]
+    return last, done.returncode
+
+
+def exit_code(
+    command: Sequence[str],
+    *,
+    stdout: int | None = None,
+    env: Mapping[str, str] | None = None,
+) -> int:
+    """Run a command; return its exit code, also after Ctrl-C, which reaches it as well."""
+    try:
+        return subprocess.run(command, stdout=stdout, env=env, check=False).returncode
+    except KeyboardInterrupt:
+        return INTERRUPTED
