@@ -14,6 +14,9 @@ from services.sensors.rays.scene import Reals
 RAYS_A_CALL = 16384
 """PyBullet's MAX_RAY_INTERSECTION_BATCH_SIZE."""
 
+ORIGIN = np.array([[0, 0, 0, 0, 0, 0, 1.0]])
+"""The pose of a body in the world's own frame."""
+
 
 class Bullet:
     """A world at rest, after a first step as in any running simulation: it is faster before."""
@@ -55,14 +58,6 @@ class Bullet:
             multiply(turn, solid.orientation),
         )
 
-    def add_hulls(self, body: Triangles, world_from_body: Floats) -> None:
-        """Add a convex body at many poses, shape (bodies, 7)."""
-        shape = pybullet.createCollisionShape(
-            pybullet.GEOM_MESH, vertices=body.vertices.tolist(), physicsClientId=self._client
-        )
-        for pose in world_from_body:
-            self._put(shape, pose[:3], pose[3:])
-
     def add_heights(self, heights: Reals, cell_m: float) -> None:
         """Add a field of heights around the origin, shape (points, points), y before x."""
         points = len(heights)
@@ -75,21 +70,28 @@ class Bullet:
             physicsClientId=self._client,
         )
         middle = np.array([0.0, 0.0, (float(heights.min()) + float(heights.max())) / 2])
-        self._put(shape, middle, np.array([0.0, 0.0, 0.0, 1.0]))
+        self._put(shape, middle, ORIGIN[0, 3:])
 
-    def add_mesh(self, mesh: Triangles, folder: Path) -> None:
-        """Add triangles of the world's frame, by a file, as PyBullet takes concave ones."""
+    def add_mesh(self, mesh: Triangles, folder: Path, world_from_body: Floats = ORIGIN) -> None:
+        """Add triangles at poses, shape (bodies, 7), by a file, as PyBullet takes concave ones.
+
+        A convex body is faster in this form, too: a tree of its triangles is searched, while the
+        hull of its corners is searched as a whole.
+        """
         path = folder / "mesh.obj"
         with path.open("w", encoding="ascii") as file:
             file.writelines(f"v {x:.7g} {y:.7g} {z:.7g}\n" for x, y, z in mesh.vertices.tolist())
             file.writelines(f"f {a} {b} {c}\n" for a, b, c in (mesh.faces + 1).tolist())
+        # PyBullet keeps files by name, also changed ones.
+        path = path.rename(folder / f"mesh_{self._client}_{self.bodies}.obj")
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_MESH,
             fileName=str(path),
             flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
             physicsClientId=self._client,
         )
-        self._put(shape, np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
+        for pose in world_from_body:
+            self._put(shape, pose[:3], pose[3:])
 
     def aim(self, origins: Reals, directions: Reals, max_range_m: float) -> None:
         """Make ready to cast rays, each array of shape (3, ...), in the world as it is now."""

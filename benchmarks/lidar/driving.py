@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Vehicles of a scenario that drive a curve, and the same room in PyBullet."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -11,8 +12,10 @@ from groundlink.messages.base import State, VehicleState, packed
 from groundlink.scenario import Scenario
 from groundlink.scene.bodies import link_solids
 from groundlink.scene.build import solids
+from groundlink.world.solids import Solid
+from groundlink.world.triangles import merged
 
-from .bullet import Bullet
+from .bullet import ORIGIN, Bullet
 
 SPEED_MPS, TURN_RADPS = 1.0, 0.5
 
@@ -51,11 +54,24 @@ def states(scenario: Scenario) -> Iterator[State]:
 def in_bullet(scenario: Scenario) -> Bullet:
     """Return the scenario in PyBullet, its vehicles at their start, each solid a body."""
     bullet = Bullet()
-    for solid in solids(scenario):
-        bullet.add(solid, np.array([0, 0, 0, 0, 0, 0, 1.0]))
+    for frame, pose in _frames(scenario):
+        for solid in frame:
+            bullet.add(solid, pose)
+    return bullet
+
+
+def as_meshes_in_bullet(scenario: Scenario, folder: Path) -> Bullet:
+    """Return the same, all solids of a frame as one mesh."""
+    bullet = Bullet()
+    for frame, pose in _frames(scenario):
+        if frame:
+            bullet.add_mesh(merged(frame), folder, pose[None])
+    return bullet
+
+
+def _frames(scenario: Scenario) -> Iterator[tuple[Sequence[Solid], Floats]]:
+    """Yield the solids of the world and of each link, with the pose of their frame."""
+    yield solids(scenario), ORIGIN[0]
     for vehicle in scenario.vehicles:
         poses = link_poses(scenario, 0)[vehicle.name]
-        for link, pose in zip(link_solids(vehicle.model), poses, strict=True):
-            for solid in link:
-                bullet.add(solid, pose)
-    return bullet
+        yield from zip(link_solids(vehicle.model), poses, strict=True)
