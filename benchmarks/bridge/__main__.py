@@ -17,12 +17,13 @@ from pathlib import Path
 
 from benchmarks.claims import BenchmarkResult, Claim, Row, add_options, judge
 
+from . import callback, cpp, latency, resending, throughput
 from . import contention as crowded
-from . import cpp, latency, resending, throughput
 from .processes import drop_privileges
 
 PARTS: dict[str, Callable[[bool, Path], BenchmarkResult]] = {
     "latency": latency.run,
+    "callback": callback.run,
     "throughput": throughput.run,
     "cpp": cpp.run,
     "processes": crowded.processes,

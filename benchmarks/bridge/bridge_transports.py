@@ -25,10 +25,10 @@ from udp_bridge.sender.repair import Mode
 from udp_bridge.wire.control import LinkReport, parse
 from udp_bridge.wire.types import CONTROL
 
+from .images import IMAGE, IMAGE_HEAD_BYTES, TOPIC, image_cdr
 from .lossy import lossy_socket
 from .processes import TIMEOUT_S, LineProcess, ProcessFailed, TimedOut, python
-from .receivers import IMAGE, TOPIC
-from .transports import HERE, IMAGE_HEAD_BYTES, LOCALHOST, RECEIVE_BUFFER, RECEIVERS, image_cdr
+from .transports import HERE, LOCALHOST, RECEIVE_BUFFER, RECEIVERS
 
 PLAIN = {"UDP_BRIDGE_PLAIN": "1"}
 """Environment in which the library receives each datagram in Python."""
@@ -71,6 +71,7 @@ class UdpBridge:
     """
 
     name = "UDP Bridge"
+    began_nanos = 0
 
     def __init__(
         self,
@@ -101,7 +102,7 @@ class UdpBridge:
     def stream(self, size: int, count: int) -> float:
         """See `StreamingTransport`; each message goes when the one before has left."""
         body = image_cdr(size)
-        began = time.monotonic_ns()
+        self.began_nanos = time.monotonic_ns()
         for index in range(count):
             if index:
                 self._link.flush(TIMEOUT_S)
@@ -111,7 +112,7 @@ class UdpBridge:
         except TimedOut:
             counts = (self._link.delivery_counts(), self._link.counters(), self._report)
             raise TimedOut(f"a message has not arrived; {counts}") from None
-        return (times[-1] - began) / 1e6
+        return (times[-1] - self.began_nanos) / 1e6
 
     def summary(self) -> DeliverySummary:
         """Wait until the receiver has reported everything, which it does once a second."""
@@ -142,6 +143,7 @@ class BusTransport:
     """A sensor's process, Zenoh with its router, the gateway's process, the node's process."""
 
     name = "from the bus"
+    began_nanos = 0
 
     def __init__(self) -> None:
         with ExitStack() as stack:
@@ -157,8 +159,8 @@ class BusTransport:
     def send(self, size: int, timeout_s: float = TIMEOUT_S) -> float:
         """See `Transport`."""
         self._sensor.say(str(max(0, size - IMAGE_HEAD_BYTES)))
-        began = self._sensor.number()
-        return (self._receiver.number(timeout_s) - began) / 1e6
+        self.began_nanos = self._sensor.number()
+        return (self._receiver.number(timeout_s) - self.began_nanos) / 1e6
 
     def close(self) -> None:
         """See `Transport`."""

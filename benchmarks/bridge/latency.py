@@ -7,7 +7,7 @@ order is random, because a transport leaves work (caches, memory to free) to the
 
 import random
 import statistics
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
 
@@ -55,8 +55,14 @@ def run(quick: bool, folder: Path, rosbridge: Path | None = None) -> BenchmarkRe
 def measure(transports: Sequence[Transport], size: int, count: int) -> list[list[float]]:
     """Send `count` messages by each way in turn; return what each took in ms, way by way."""
     took: list[list[float]] = [[] for _ in transports]
-    orders = random.Random(size)
-    for _ in range(count + _WARM_UP):
-        for which in orders.sample(range(len(transports)), len(transports)):
+    for order in orders(size, len(transports), count + _WARM_UP):
+        for which in order:
             took[which].append(transports[which].send(size))
     return [row[_WARM_UP:] for row in took]
+
+
+def orders(seed: int, transports: int, rounds: int) -> Iterator[list[int]]:
+    """Yield a random order of the transports for each round."""
+    generator = random.Random(seed)
+    for _ in range(rounds):
+        yield generator.sample(range(transports), transports)

@@ -22,12 +22,12 @@ import time
 from typing import Any
 
 from udp_bridge import Link, Message
+from udp_bridge.io.memory import keep_memory
 from udp_bridge.io.udp_socket import RECOMMENDED_BUFFER
 
+from .images import IMAGE, TOPIC, image_cdr
 from .lossy import lossy_socket
 
-TOPIC = "/image"
-IMAGE = 33
 _SIZE = struct.Struct("<Q")
 
 
@@ -49,8 +49,8 @@ class Publisher:
         report(nanos)
 
 
-def plain_publisher(way: str) -> Publisher:
-    """Return a publisher of a plain node, with the DDS settings and the QoS of ours."""
+def plain_node(name: str) -> tuple[Any, Any, Any]:
+    """Return a plain node with the DDS settings of ours, the class of an Image, and our QoS."""
     from udp_bridge.node import topic_qos
     from udp_bridge.node.message_class import message_class
     from udp_bridge_ros2 import environment
@@ -61,13 +61,35 @@ def plain_publisher(way: str) -> Publisher:
     from rclpy.signals import SignalHandlerOptions
 
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node(f"receiver_of_{way}")
-    image = message_class("sensor_msgs/msg/Image")
-    return Publisher(
-        node.create_publisher(
-            image, TOPIC, qos_profiles.publisher_profile(topic_qos.publisher_qos("Image", TOPIC))
-        )
-    )
+    qos = qos_profiles.publisher_profile(topic_qos.publisher_qos("Image", TOPIC))
+    return rclpy.create_node(name), message_class("sensor_msgs/msg/Image"), qos
+
+
+def plain_publisher(way: str) -> Publisher:
+    """Return a publisher of a plain node."""
+    node, image, qos = plain_node(f"receiver_of_{way}")
+    return Publisher(node.create_publisher(image, TOPIC, qos))
+
+
+def callback(_: argparse.Namespace) -> None:
+    """Subscribe to images, as a user's node does, and report each callback."""
+    import rclpy
+
+    node, image, qos = plain_node("subscriber")
+    node.create_subscription(image, TOPIC, lambda _: report(time.monotonic_ns()), qos)
+    report(0)  # instead of a port
+    rclpy.spin(node)
+
+
+def plain(_: argparse.Namespace) -> None:
+    """Publish images of the sizes on standard input from a plain node; report each call."""
+    from rclpy.serialization import deserialize_message
+
+    node, image, qos = plain_node("plain")
+    publisher = Publisher(node.create_publisher(image, TOPIC, qos))
+    report(0)
+    for line in sys.stdin:
+        publisher.publish(deserialize_message(image_cdr(int(line)), image))
 
 
 def node(_: argparse.Namespace) -> None:
@@ -203,7 +225,9 @@ def compute() -> None:
         pass
 
 
-RECEIVERS_BY_NAME = {way.__name__: way for way in (node, library, tcp, ros_sharp, rosbridge)}
+RECEIVERS_BY_NAME = {
+    way.__name__: way for way in (node, library, tcp, ros_sharp, rosbridge, plain, callback)
+}
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
@@ -213,6 +237,7 @@ if __name__ == "__main__":
     parser.add_argument("--program")
     given = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    keep_memory()  # The node does; so every receiver has the same settings.
     if given.busy_thread:
         threading.Thread(target=compute, daemon=True).start()
     RECEIVERS_BY_NAME[given.way](given)

@@ -12,7 +12,7 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import STREAM_TOPICS
 from groundlink.messages.imagery import Image
 
-from .transports import random_pixels
+from .images import random_pixels
 
 
 def main(endpoint: str, key: str) -> None:

@@ -7,17 +7,16 @@ ROS#, which sends the same pixels as JSON, and the C program, which repeats one 
 
 import base64
 import json
-import random
 import socket
 import struct
 import subprocess
 import time
-from functools import cache
 from pathlib import Path
 from typing import Protocol
 
 from websockets.sync.client import connect
 
+from .images import IMAGE_HEAD_BYTES, image_cdr, random_pixels
 from .processes import LineProcess, python
 
 HERE = Path(__file__).parent
@@ -25,14 +24,15 @@ LOCALHOST = "127.0.0.1"
 RECEIVERS = "benchmarks.bridge.receivers"
 RECEIVE_BUFFER = 8 << 20
 """Granted without privileges where net.core.rmem_max is 4 MiB."""
-IMAGE_HEAD_BYTES = 52
-"""Bytes of an Image in CDR before its pixels, with the names used here."""
 
 
 class Transport(Protocol):
     """Sends single messages."""
 
     name: str
+
+    began_nanos: int
+    """When the last message was sent, by the host's monotonic clock."""
 
     def send(self, size: int) -> float:
         """Send a message of about `size` bytes, wait for it, return what it took in ms."""
@@ -50,28 +50,11 @@ class StreamingTransport(Protocol):
         """Send `count` messages, wait until all of them have arrived, return what it took in ms."""
 
 
-@cache
-def random_pixels(size: int) -> bytes:
-    """Return incompressible bytes, the same for the same size."""
-    return random.Random(size).randbytes(size)
-
-
-@cache
-def image_cdr(size: int) -> bytes:
-    """Return a sensor_msgs/Image in CDR of `size` bytes, at least those of its head."""
-    data = random_pixels(max(0, size - IMAGE_HEAD_BYTES))
-    frame, encoding = b"camera\0", b"mono8\0"
-    body = struct.pack("<iI", 0, 0) + struct.pack("<I", len(frame)) + frame
-    body += bytes(-len(body) % 4) + struct.pack("<II", 1, len(data))
-    body += struct.pack("<I", len(encoding)) + encoding + b"\0"
-    body += bytes(-len(body) % 4) + struct.pack("<II", len(data), len(data)) + data
-    return b"\x00\x01\x00\x00" + body
-
-
 class CProgram:
     """`rival.c`, compiled with -O2, on both sides; its receiver publishes nothing."""
 
     name = "C program"
+    began_nanos = 0
 
     def __init__(self, folder: Path) -> None:
         program = str(folder / "rival")
@@ -87,8 +70,8 @@ class CProgram:
     def stream(self, size: int, count: int) -> float:
         """See `StreamingTransport`."""
         self._sender.say(f"{size} {count}")
-        began = self._sender.number()
-        return ([self._receiver.number() for _ in range(count)][-1] - began) / 1e6
+        self.began_nanos = self._sender.number()
+        return ([self._receiver.number() for _ in range(count)][-1] - self.began_nanos) / 1e6
 
     def close(self) -> None:
         """See `Transport`."""
@@ -100,6 +83,7 @@ class Tcp:
     """Length and body by TCP without Nagle's delay."""
 
     name = "TCP"
+    began_nanos = 0
 
     def __init__(self) -> None:
         self._receiver = python(RECEIVERS, "tcp")
@@ -109,10 +93,10 @@ class Tcp:
     def send(self, size: int) -> float:
         """See `Transport`."""
         body = image_cdr(size)
-        began = time.monotonic_ns()
+        self.began_nanos = time.monotonic_ns()
         self._socket.sendall(struct.pack("<Q", len(body)))
         self._socket.sendall(body)
-        return (self._receiver.number() - began) / 1e6
+        return (self._receiver.number() - self.began_nanos) / 1e6
 
     def close(self) -> None:
         """See `Transport`."""
@@ -120,10 +104,32 @@ class Tcp:
         self._receiver.close()
 
 
+class PlainRos:
+    """A plain ROS 2 node that publishes a message which is filled beforehand."""
+
+    name = "plain ROS"
+    began_nanos = 0
+
+    def __init__(self) -> None:
+        self._publisher = python(RECEIVERS, "plain")
+        self._publisher.number()
+
+    def send(self, size: int) -> float:
+        """See `Transport`; what it takes until the call is nothing."""
+        self._publisher.say(str(size))
+        self.began_nanos = self._publisher.number()
+        return 0.0
+
+    def close(self) -> None:
+        """See `Transport`."""
+        self._publisher.close()
+
+
 class RosSharp:
     """rosbridge's `publish`: JSON with base64 in a WebSocket."""
 
     name = "ROS# way"
+    began_nanos = 0
 
     def __init__(self, *receiver: str) -> None:
         self._receiver = python(RECEIVERS, *(receiver or ("ros_sharp",)))
@@ -134,7 +140,7 @@ class RosSharp:
     def send(self, size: int) -> float:
         """See `Transport`."""
         data = random_pixels(max(0, size - IMAGE_HEAD_BYTES))
-        began = time.monotonic_ns()
+        self.began_nanos = time.monotonic_ns()
         header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "camera"}
         message = {
             "header": header,
@@ -145,7 +151,7 @@ class RosSharp:
             "data": base64.b64encode(data).decode("ascii"),
         }
         self._call("publish", msg=message)
-        return (self._receiver.number() - began) / 1e6
+        return (self._receiver.number() - self.began_nanos) / 1e6
 
     def _call(self, operation: str, **more: object) -> None:
         self._connection.send(json.dumps({"op": operation, "topic": "/image", **more}))

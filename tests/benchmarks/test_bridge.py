@@ -24,10 +24,10 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Image
 
 from benchmarks.bridge import cpp
+from benchmarks.bridge.images import IMAGE_HEAD_BYTES, image_cdr
 from benchmarks.bridge.latency import QUICK_SIZES
 from benchmarks.bridge.lossy import lossy_socket
 from benchmarks.bridge.processes import CAP_NET_ADMIN
-from benchmarks.bridge.transports import IMAGE_HEAD_BYTES, image_cdr
 
 pytestmark = pytest.mark.nightly
 
@@ -67,6 +67,14 @@ def test_every_size_goes_by_every_way(quick: tuple[str, dict[str, Any], bytes]) 
     assert [row["bytes"] for row in rows] == list(QUICK_SIZES)
     assert all(set(row["ms"]) == TRANSPORTS for row in rows)
     assert all(0 < ms < math.inf for row in rows for ms in row["ms"].values())
+
+
+def test_every_way_reaches_a_callback(quick: tuple[str, dict[str, Any], bytes]) -> None:
+    rows = quick[1]["callback"]
+    assert {row["pause"] for row in rows} == {"hot", "at rest"}
+    for row in rows:
+        assert set(row["ms"]) == {"UDP Bridge", "TCP", "plain ROS", "ROS# way"}
+        assert all(0 < ms < math.inf for ms in row["ms"].values())
 
 
 def test_what_comes_from_the_bus_takes_the_longer_way(
