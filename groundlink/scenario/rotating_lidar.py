@@ -78,6 +78,19 @@ class TurningMirror(Spec, frozen=True):
     """Highest and lowest elevation of the middle of the fan of beams."""
 
 
+class TurningPrisms(Spec, frozen=True):
+    """Two turning wedges of glass, a Risley pair: they scan a disc ahead without repeating it."""
+
+    turns_per_s: tuple[float, float]
+    """Turns per second of the first wedge and of the second, by the right hand about x."""
+
+    wedge_deg: Annotated[float, Meta(gt=0, lt=45)]
+    """Angle between the faces of a wedge."""
+
+    refractive_index: Annotated[float, Meta(gt=1, le=4)]
+    """Refractive index of the glass."""
+
+
 class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
     """Base of all LiDARs with a turning head, which fires all its lasers once per azimuth step."""
 

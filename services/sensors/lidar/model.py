@@ -18,6 +18,7 @@ from services.sensors.rays.kernels import kernels
 from services.sensors.rays.scene import Reals
 from services.sensors.runtime.model import LeftOut, Made, StreamMessage
 from services.sensors.scanning.mirror_sweep import MirrorSweep
+from services.sensors.scanning.prism_sweep import PrismSweep
 from services.sensors.scanning.scanner import Scan, Scanner
 from services.sensors.scanning.sweep import Sweep
 
@@ -39,9 +40,8 @@ class LidarModel:
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Lidar) -> None:
         self._frame = vehicle.frame_prefix + spec.frame
-        sweep = MirrorSweep(spec, spec.mirror) if spec.mirror else Sweep(spec)
         self.scanner = Scanner(
-            *(scenario, vehicle, spec, sweep), truth=spec.truth, labels=bool(spec.labels)
+            *(scenario, vehicle, spec, _sweep(spec)), truth=spec.truth, labels=bool(spec.labels)
         )
         self._labels = (
             CloudLabels(scenario, vehicle, self.scanner.replica, spec.mount, spec.labels)
@@ -96,3 +96,10 @@ class LidarModel:
         if self._labels is not None and scan.poses is not None:
             header = stamp_nanos, self._frame
             yield from self._labels.of_cloud(*header, points, returns, scan.poses)
+
+
+def _sweep(spec: Lidar) -> Sweep:
+    """Return the sweep of a data sheet: of its mirror, its prisms, or a turning head."""
+    if spec.mirror:
+        return MirrorSweep(spec, spec.mirror)
+    return PrismSweep(spec, spec.prisms) if spec.prisms else Sweep(spec)

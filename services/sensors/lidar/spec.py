@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Specification of a spinning LiDAR in a scenario. The defaults are those of an ideal one."""
 
+import math
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
 
 from groundlink.messages.base import POINT, PointCloud, packed
 from groundlink.scenario.every_sensor import Address, Carrier
-from groundlink.scenario.rotating_lidar import RotatingLidar, TurningMirror
+from groundlink.scenario.rotating_lidar import RotatingLidar, TurningMirror, TurningPrisms
 
 
 class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
@@ -21,7 +23,13 @@ class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
     to port 8308 of the same host."""
 
     native_format: Literal[
-        "vlp16", "hesai_xt32", "livox_mid360", "ouster_legacy", "ouster_rng19_rfl8_sig16_nir16"
+        "vlp16",
+        "hesai_xt32",
+        "livox_mid360",
+        "livox_avia",
+        "livox_avia_spherical",
+        "ouster_legacy",
+        "ouster_rng19_rfl8_sig16_nir16",
     ] = "vlp16"
     """Format of the device's own packets. Data sheets set that of their device."""
 
@@ -29,6 +37,11 @@ class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
     """Mirror that scans without repeating itself, instead of a turning head. `elevations_deg` are
     then the offsets of the beams in their fan, in any order, `start_deg` and `rotation` those of
     the mirror, and a revolution is the period of the device's messages."""
+
+    prisms: TurningPrisms | None = None
+    """Prisms that scan ahead without repeating themselves, instead of a turning head.
+    `elevations_deg` are then the offsets of the beams in their fan, in any order, `start_deg` and
+    `rotation` have no meaning, and a revolution is the period of the device's messages."""
 
     truth: bool = False
     """Publish the true position and the body of each point of a cloud on `<topic>/truth`."""
@@ -38,6 +51,23 @@ class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
     each point. `boxes_3d`: a box around each object with points, in the sensor's frame. Default:
     none.
     """
+
+    def _problems(self) -> Iterator[str]:
+        """Yield the inconsistencies between fields."""
+        yield from super()._problems()
+        if self.mirror and self.prisms:
+            yield "`mirror` and `prisms` are both set; give the pattern of one of them"
+        if (self.mirror or self.prisms) and (self.mixed_pixels or self.blooming):
+            yield "`mixed_pixels` and `blooming` need a turning head; got `mirror` or `prisms`"
+        if self.prisms and self.elevations_deg:
+            index, wedge_rad = self.prisms.refractive_index, math.radians(self.prisms.wedge_deg)
+            fan_rad = math.radians(max(map(abs, self.elevations_deg)))
+            steepest = 2 * wedge_rad - math.asin(math.sin(wedge_rad) / index) + fan_rad
+            if index * math.sin(min(steepest, math.pi / 2)) >= 1:
+                yield (
+                    f"`prisms`: no beam leaves wedges of {self.prisms.wedge_deg:g} degrees and "
+                    f"refractive index {index:g} everywhere; expected less of either"
+                )
 
     @property
     def truth_topic(self) -> str | None:

@@ -15,52 +15,28 @@ import numpy as np
 from groundlink.core.frames import Floats
 from groundlink.scenario.rotating_lidar import RotatingLidar, TurningMirror
 
-from .sweep import SIGNS, Sweep, unit_vectors
+from .pattern_sweep import PatternSweep
+from .sweep import SIGNS, unit_vectors
 
 ASIDE = 0.5
 """Deviation of a beam to the side, as a share of that in elevation. In the table 0.53."""
 
 
-class MirrorSweep(Sweep):
-    """The rays of a data sheet with a mirror.
-
-    Parameters
-    ----------
-    spec : RotatingLidar
-        `elevations_deg` are the beams' offsets in the fan. A revolution is a period of the
-        device's messages.
-    """
+class MirrorSweep(PatternSweep):
+    """The rays of a data sheet with a mirror."""
 
     def __init__(self, spec: RotatingLidar, mirror: TurningMirror) -> None:
         super().__init__(spec)
         self._mirror, self._sign = mirror, SIGNS[spec.rotation]
         self._start_rad = np.radians(spec.start_deg)
-        self._offsets = np.radians(spec.elevations_deg)[self.rings, None]
-        self._period_s = 1 / spec.rotation_rate_hz
-        self._aimed = -1
         self.aim(0)
 
-    def aim(self, revolution: int) -> None:
-        """Point the rays at the directions of a revolution."""
-        if self._aimed == revolution:
-            return
-        self._aimed = revolution
-        azimuth, elevation = self.angles(revolution * self._period_s + self.seconds)
-        # A new array: scans of the revolution before may still be read.
-        self.directions_in_sensor = unit_vectors(azimuth, elevation).astype(np.float32)
-        self.head.directions_in_sensor = self.directions_in_sensor.ctypes.data
-
-    def angles(self, seconds: Floats) -> tuple[Floats, Floats]:
-        """Return azimuth and elevation of beams at instants of a run, in radians.
-
-        Parameters
-        ----------
-        seconds : float64 array, shape (lasers, firings)
-        """
+    def directions(self, seconds: Floats) -> Floats:
+        """Return unit vectors of beams at instants of a run, shape (3, lasers, firings)."""
         turned = 2 * np.pi * (self._mirror.turns_per_s * seconds % 1)
         share = 2 * np.abs((seconds / self._mirror.tilt_period_s + 0.5) % 1 - 0.5)
         highest_deg, lowest_deg = self._mirror.elevations_deg
         middle = np.radians(highest_deg + (lowest_deg - highest_deg) * share)
-        elevation = middle + self._offsets * np.cos(turned)
-        aside = ASIDE * self._offsets * np.sin(turned) / np.cos(elevation)
-        return self._start_rad + self._sign * (turned + aside), elevation
+        elevation = middle + self.offsets_rad * np.cos(turned)
+        aside = ASIDE * self.offsets_rad * np.sin(turned) / np.cos(elevation)
+        return unit_vectors(self._start_rad + self._sign * (turned + aside), elevation)

@@ -13,6 +13,8 @@ from services.sensors.runtime.model import NativeDevice
 
 from .hesai import HesaiXt32
 from .livox import LivoxMid360
+from .livox_sdk1 import LivoxAvia
+from .livox_sdk1_packets import SPHERICAL
 from .ouster import Ouster
 from .ouster_packets import LEGACY, RNG19_RFL8_SIG16_NIR16
 from .vlp16 import Vlp16
@@ -29,6 +31,8 @@ FORMATS: dict[str, Callable[[Lidar], NativeLidar]] = {
     "vlp16": Vlp16,
     "hesai_xt32": HesaiXt32,
     "livox_mid360": LivoxMid360,
+    "livox_avia": LivoxAvia,
+    "livox_avia_spherical": partial(LivoxAvia, formats=SPHERICAL),
     "ouster_legacy": partial(Ouster, profile=LEGACY),
     "ouster_rng19_rfl8_sig16_nir16": partial(Ouster, profile=RNG19_RFL8_SIG16_NIR16),
 }

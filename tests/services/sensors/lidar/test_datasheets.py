@@ -77,6 +77,18 @@ def test_the_vlp_32c() -> None:
     assert azimuth_deg[rings[1]] == pytest.approx(4.2, abs=1e-3)
 
 
+def test_the_avia() -> None:
+    spec = from_sheet(Lidar, "avia")
+    points_per_s = 6 * spec.firings_per_revolution * spec.rotation_rate_hz
+    assert (len(spec.elevations_deg), points_per_s) == (6, 240_000)
+    np.testing.assert_allclose(spec.laser_times_us, np.arange(6) * 1e6 / 240_000, atol=1e-6)
+    assert (spec.max_range_m, spec.full_range_reflectivity) == (450.0, 0.8)
+    width_deg, height_deg = np.degrees(np.array(spec.divergence_mrad) * 1e-3)
+    assert (width_deg, height_deg) == pytest.approx((0.03, 0.28), rel=0.01)
+    both = np.hypot(spec.azimuth_stddev_deg, spec.elevation_stddev_deg)
+    assert both == pytest.approx(0.05, abs=1e-3)
+
+
 def test_the_xt32() -> None:
     spec = from_sheet(Lidar, "xt32")
     assert spec.elevations_deg == tuple(range(-16, 16))
