@@ -7,7 +7,7 @@ error. Stamps are instants of measurement in nanoseconds: the run's epoch plus s
 ranges are in `imagery`; poses, maps and transforms are in `navigation`.
 """
 
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 import numpy as np
@@ -27,6 +27,10 @@ POINT = np.dtype(
 )
 """A LiDAR return in the layout of sensor_msgs/PointCloud2: position in meters in the sensor's
 frame, reflectivity 0..255, laser number from below, seconds after the cloud's stamp."""
+
+CloudLayout = Literal["velodyne", "ouster", "hesai", "livox"]
+"""Layouts of a cloud in ROS, by the drivers that have them; on the bus points are `POINT` records
+in any case."""
 
 
 class BadBusMessage(ValueError):
@@ -190,6 +194,9 @@ class PointCloud(Reading, frozen=True):
     frame: str
     points: memoryview
     """`POINT` records. Rays without a return have no record."""
+
+    layout: CloudLayout = "velodyne"
+    """Fields of the cloud in ROS."""
 
     def __post_init__(self) -> None:
         whole(self.points, POINT.itemsize, "points")

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Codecs of point clouds, and of the poses of all bodies.
 
-A cloud is a sensor_msgs/PointCloud2 with the fields of the records, the poses a tf2_msgs/TFMessage.
+A cloud is a sensor_msgs/PointCloud2 with the fields of the records, or of a LiDAR's layout; the
+poses are a tf2_msgs/TFMessage.
 """
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from groundlink.messages.base import POINT, PointCloud, packed
+from groundlink.messages.base import CloudLayout, PointCloud, packed
 from groundlink.messages.ground_truth import (
     LABELED_POINT,
     TRUE_POINT,
@@ -19,26 +21,49 @@ from groundlink.messages.ground_truth import (
 )
 from groundlink.messages.imagery import RADAR_POINT, RadarDetections
 
+from .cloud_layouts import LAYOUTS
 from .codec import Codec, Moment, stamp_and_frame
 from .types import TYPES, header, nanos, quaternion, vector, xyz, xyzw
 
-_FIELD_TYPES = {"<f4": 7, "<u2": 4, "<u4": 6}
-"""Types of sensor_msgs/PointField: FLOAT32, UINT16 and UINT32."""
+_FIELD_TYPES = {"|u1": 2, "<u2": 4, "<u4": 6, "<f4": 7, "<f8": 8}
+"""Types of sensor_msgs/PointField: UINT8, UINT16, UINT32, FLOAT32 and FLOAT64."""
 
-_FIELDS = {
+_FIELDS: dict[np.dtype[np.void], list[Any]] = {
     record: [
         TYPES["sensor_msgs/msg/PointField"](
             name=name, offset=offset, datatype=_FIELD_TYPES[record[name].str], count=1
         )
         for name, (_, offset, *_) in (record.fields or {}).items()
     ]
-    for record in (POINT, TRUE_POINT, LABELED_POINT, RADAR_POINT)
+    for record in (
+        *(layout.record for layout in LAYOUTS.values()),
+        *(TRUE_POINT, LABELED_POINT, RADAR_POINT),
+    )
 }
+
+_LAYOUT_OF = {
+    tuple((one.name, one.offset, one.datatype) for one in _FIELDS[layout.record]): name
+    for name, layout in LAYOUTS.items()
+}
+"""Names of layouts by their fields."""
+
+
+def layout_of(ros: Any) -> CloudLayout | None:
+    """Return the layout of a sensor_msgs/PointCloud2; None if it is none of the known."""
+    return _LAYOUT_OF.get(tuple((one.name, one.offset, one.datatype) for one in ros.fields))
 
 
 def _cloud(message: PointCloud | TruePoints | LabeledPoints | RadarDetections) -> dict[str, Any]:
-    data = np.frombuffer(message.points, np.uint8)
-    record = message.records().dtype
+    return _of_records(message, message.records())
+
+
+def _point_cloud(message: PointCloud) -> dict[str, Any]:
+    layout = LAYOUTS[message.layout]
+    return _of_records(message, layout.of(message.records(), message.stamp_nanos))
+
+
+def _of_records(message: Any, records: NDArray[np.void]) -> dict[str, Any]:
+    record, data = records.dtype, records.view(np.uint8)
     return {
         "header": header(message.stamp_nanos, message.frame),
         "height": 1,
@@ -53,7 +78,13 @@ def _cloud(message: PointCloud | TruePoints | LabeledPoints | RadarDetections) -
 
 
 def _cloud_of(ros: Any, moment: Moment) -> PointCloud:
-    return PointCloud(*stamp_and_frame(ros), packed(ros.data))
+    stamp_nanos, frame = stamp_and_frame(ros)
+    name = layout_of(ros)
+    if name is None:
+        return PointCloud(stamp_nanos, frame, packed(ros.data))
+    layout = LAYOUTS[name]
+    records = np.frombuffer(ros.data, layout.record)
+    return PointCloud(stamp_nanos, frame, packed(layout.points(records, stamp_nanos)), name)
 
 
 def _true_points_of(ros: Any, moment: Moment) -> TruePoints:
@@ -102,7 +133,7 @@ def _bodies_of(ros: Any, moment: Moment) -> Bodies:
 
 
 CODECS = (
-    Codec(PointCloud, "sensor_msgs/msg/PointCloud2", _cloud, _cloud_of),
+    Codec(PointCloud, "sensor_msgs/msg/PointCloud2", _point_cloud, _cloud_of),
     Codec(TruePoints, "sensor_msgs/msg/PointCloud2", _cloud, _true_points_of),
     Codec(LabeledPoints, "sensor_msgs/msg/PointCloud2", _cloud, _labeled_points_of),
     Codec(RadarDetections, "sensor_msgs/msg/PointCloud2", _cloud, _radar_detections_of),

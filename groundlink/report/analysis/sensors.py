@@ -16,6 +16,9 @@ from groundlink.core.quaternions import heading_rad
 from groundlink.messages.base import Imu, PointCloud
 from groundlink.messages.imagery import LaserScan
 from groundlink.messages.navigation import NavSatFix, Odometry
+from groundlink.ros.cloud_layouts import LAYOUTS
+from groundlink.ros.points import layout_of
+from groundlink.ros.types import nanos
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.schema import Datum
 from groundlink.scenario.sensor_kinds import sensor_kinds
@@ -190,6 +193,11 @@ def _rotation(angle: float) -> Floats:
 
 def _of_cloud(cloud: Any) -> tuple[Floats, Floats]:
     """Return the points of a sensor_msgs/PointCloud2, and seconds after its stamp."""
+    if name := layout_of(cloud):
+        layout = LAYOUTS[name]
+        records = np.frombuffer(cloud.data.tobytes(), layout.record)
+        known = layout.points(records, nanos(cloud.header.stamp))
+        return _positions(known), known["time"].astype(np.float64)
     offsets = {each.name: each.offset for each in cloud.fields if each.datatype == _FLOAT32}
     names = [name for name in ("x", "y", "z", "time") if name in offsets]
     kind = np.dtype(
@@ -201,9 +209,12 @@ def _of_cloud(cloud: Any) -> tuple[Floats, Floats]:
         }
     )
     rows = np.frombuffer(cloud.data.tobytes(), kind)
-    points = np.stack([rows[name].astype(np.float64) for name in "xyz"], axis=1)
     after = rows["time"].astype(np.float64) if "time" in names else np.zeros(len(rows))
-    return points, after
+    return _positions(rows), after
+
+
+def _positions(rows: NDArray[np.void]) -> Floats:
+    return np.stack([rows[name].astype(np.float64) for name in "xyz"], axis=1)
 
 
 def _of_scan(scan: Any) -> tuple[Floats, Floats]:

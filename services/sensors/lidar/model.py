@@ -39,7 +39,7 @@ class LidarModel:
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: Lidar) -> None:
-        self._frame = vehicle.frame_prefix + spec.frame
+        self._frame, self._layout = vehicle.frame_prefix + spec.frame, spec.cloud_layout
         self.scanner = Scanner(
             *(scenario, vehicle, spec, _sweep(spec)), truth=spec.truth, labels=bool(spec.labels)
         )
@@ -89,7 +89,7 @@ class LidarModel:
             *(array.ctypes.data for array in (*of_rays, *of_hits, points)),
             *(None if array is None else array.ctypes.data for array in of_truth),
         )
-        yield PointCloud(stamp_nanos, self._frame, packed(points))
+        yield PointCloud(stamp_nanos, self._frame, packed(points), self._layout)
         if scan.truth is not None:
             truth = TruePoints(stamp_nanos, self._frame, packed(true_points))
             yield StreamMessage("truth", truth)

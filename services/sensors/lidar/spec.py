@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from groundlink.messages.base import POINT, PointCloud, packed
+from groundlink.messages.base import POINT, CloudLayout, PointCloud, packed
 from groundlink.scenario.every_sensor import Address, Carrier
 from groundlink.scenario.rotating_lidar import RotatingLidar, TurningMirror, TurningPrisms
 
@@ -32,6 +32,12 @@ class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
         "ouster_rng19_rfl8_sig16_nir16",
     ] = "vlp16"
     """Format of the device's own packets. Data sheets set that of their device."""
+
+    cloud_layout: CloudLayout = "velodyne"
+    """Fields of the clouds in ROS, as the driver of a device has them. `velodyne`: x, y, z,
+    intensity, ring, time. `ouster`: x, y, z, intensity, t, reflectivity, ring, ambient, range.
+    `hesai`: x, y, z, intensity, ring, timestamp. `livox`: x, y, z, intensity, tag, line,
+    timestamp."""
 
     mirror: TurningMirror | None = None
     """Mirror that scans without repeating itself, instead of a turning head. `elevations_deg` are
@@ -78,7 +84,7 @@ class Lidar(RotatingLidar, frozen=True, tag="lidar", kw_only=True):
         """Return a block in which every shot has all its returns."""
         most = self.largest_block_firings * len(self.elevations_deg) * self.returns_per_ray
         points = packed(np.empty(most, POINT).view(np.uint8))
-        return PointCloud(0, carrier.frame_prefix + self.frame, points)
+        return PointCloud(0, carrier.frame_prefix + self.frame, points, self.cloud_layout)
 
     def ros_topics(self) -> dict[str, str]:
         """Return the ROS topics of the clouds and, if published, of truth and labels."""

@@ -249,6 +249,7 @@ HAVE_DEFAULTS = {("Health", "streams"), ("Health", "host")} | {
     ("Vitals", "battery"),
     ("WheelCommand", "angles_rad"),
     ("State", "actors"),
+    ("PointCloud", "layout"),
 }
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from groundlink.core.frames import quaternion_from_rpy, transform
 from groundlink.loader import load
-from groundlink.messages.base import POINT, PointCloud, packed
+from groundlink.messages.base import POINT, CloudLayout, PointCloud, packed
 from groundlink.messages.imagery import LaserScan
 from groundlink.report.analysis.sensors import (
     CloudSample,
@@ -20,6 +20,7 @@ from groundlink.report.analysis.sensors import (
     readings_of,
 )
 from groundlink.ros.cdr import CODECS, to_cdr
+from groundlink.ros.cloud_layouts import LAYOUTS
 from groundlink.ros.types import STORE
 from groundlink.scenario.schema import Datum
 from services.sensors.gnss.geodesy import Geodetic, TangentPlane, geodetic_from_ecef
@@ -74,10 +75,11 @@ def test_a_fix_is_compared_with_the_antenna_and_no_fix_with_nothing() -> None:
     assert rows[0, 3] == pytest.approx(0.0, abs=1e-9)  # the antenna is a meter ahead: at 0, 0
 
 
-def test_points_of_a_cloud_are_laid_each_at_its_own_instant() -> None:
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_points_of_a_cloud_are_laid_each_at_its_own_instant(layout: CloudLayout) -> None:
     records = np.zeros(2, POINT)
     records["x"], records["time"] = (2.0, 2.0), (0.0, 0.1)
-    message = PointCloud(0, "lidar_link", packed(records.view(np.uint8)))
+    message = PointCloud(0, "lidar_link", packed(records.view(np.uint8)), layout)
     cloud = CloudSample("/points", 0.5, transform((0.0, 0.0, 0.4), (0.0, 0.0, 0.0, 1.0)))
     assert not cloud.is_due(0.4)
     assert cloud.is_due(0.6)

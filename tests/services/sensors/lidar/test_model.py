@@ -9,6 +9,8 @@ import pytest
 from scipy import stats
 
 from groundlink.messages.base import POINT, BadBusMessage
+from groundlink.scenario.every_sensor import Carrier
+from services.sensors.lidar.spec import Lidar
 
 from . import rooms
 
@@ -60,6 +62,19 @@ def test_a_cloud_of_another_rate_waits_for_the_state_after_its_end() -> None:
     ]
     # A revolution takes 26 2/3 ticks.
     assert came == [(27, 0, 26), (54, 66_666_666, 53), (80, 133_333_333, 80)]
+
+
+def test_the_layout_in_ros_changes_no_point() -> None:
+    plain, ouster = (
+        rooms.clouds(rooms.scenario(**fields), rooms.at_rest, 41)[0]
+        for fields in ({}, {"cloud_layout": "ouster"})
+    )
+    assert (plain.layout, ouster.layout) == ("velodyne", "ouster")
+    assert plain.points == ouster.points
+    spec = rooms.scenario(cloud_layout="ouster").vehicles[0].sensors[0]
+    assert isinstance(spec, Lidar)
+    largest = spec.largest_message(Carrier("", "base_link", ()))
+    assert (largest.layout, len(largest.records())) == ("ouster", 16 * 360)
 
 
 def test_noise_has_the_data_sheets_sigma() -> None:
