@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Data sheets of LiDARs from recordings of real devices: firings, their statistics, a sheet.
+"""Data sheets from recordings of real devices: readings, their statistics, a sheet.
 
 Imported by the command `groundlink fit` only. Knows no bus, service or process.
 """

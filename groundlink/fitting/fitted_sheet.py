@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A data sheet with the noise and dropout of a recording in place of the maker's figures."""
 
-import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 
 from groundlink.core.errors import UserError
+from groundlink.loader.datasheets import CheckedDatasheet
 
 from .echo_statistics import (
     WINDOW,
@@ -25,6 +25,8 @@ from .echo_statistics import (
     quantization_m,
 )
 from .firings import Firings, Reals
+from .recordings import read_firings
+from .sheet_file import FittedSheet
 
 REPLACED = ("range_stddev_m", "range_stddev_share", "laser_stddevs_m", "dropout", "echo_bands")
 """Fields of a sheet whose effects are in the fitted table."""
@@ -132,45 +134,52 @@ def _filled(range_m: Reals, table: Reals) -> Reals:
     return np.array(rows)
 
 
-def sheet_text(base: Mapping[str, Any], base_name: str, source: str, found: EchoFit) -> str:
-    """Return the text of a data sheet: the base's figures with a fitted `echo_bands`.
+def fit_sheet(recording: Path, topic: str | None, base: CheckedDatasheet) -> FittedSheet:
+    """Return the sheet of a recording, a `Fitter`.
 
-    Parameters
-    ----------
-    base : mapping
-        The sheet of the device, with `kind` and `datasheet`.
-    base_name, source : str
-        Names of the base and of the recording, for the reader of the sheet.
-    found : EchoFit
+    Raises
+    ------
+    UserError
+        as `read_firings` and `fit` do.
     """
+    return fitted_sheet(fit(read_firings(recording, topic), str(recording)), base.figures)
+
+
+def fitted_sheet(found: EchoFit, base: Mapping[str, Any]) -> FittedSheet:
+    """Return a base sheet's figures with a fitted `echo_bands`."""
     windows = len(found.windows.laser)
-    title = " ".join(str(base.get("datasheet", base_name)).split())
-    kept = {
-        name: value for name, value in base.items() if name not in ("kind", "datasheet", *REPLACED)
-    }
+    bands = echo_bands(found)
+    figures = {name: value for name, value in base.items() if name not in REPLACED}
     if found.step_m:
-        kept["range_resolution_m"] = found.step_m
-    lines = [
-        "# SPDX-License-Identifier: Apache-2.0",
-        "# yaml-language-server: $schema=../schemas/datasheet.json",
-        f"# Data sheet: {base_name} with noise and dropout of a recording, by `groundlink fit`.",
-        f"# Geometry and the other figures: {base_name}.yaml, where their sources stand.",
-        f"# Recording: {source}",
-        f"# Firings: {found.firings}; windows of {WINDOW} on smooth surfaces: {windows}.",
-        *_residuals(found),
-        f"kind: {base['kind']}",
-        _yaml("datasheet", f"{title}; noise and dropout of a recording"),
-        *(_yaml(name, value) for name, value in kept.items()),
-        "",
-        "# White noise, 1 sigma, and share of lost returns, by intensity, then by range.",
-        "echo_bands:",
-        *(f"  {_yaml(name, value)}" for name, value in echo_bands(found).items()),
-    ]
-    return "\n".join(lines) + "\n"
+        figures["range_resolution_m"] = found.step_m
+    return FittedSheet(
+        fitted="noise and dropout",
+        comments=[
+            f"Firings: {found.firings}; windows of {WINDOW} on smooth surfaces: {windows}.",
+            *_residuals(found),
+        ],
+        figures=figures | {"echo_bands": bands},
+        notes={
+            "echo_bands": [
+                "White noise, 1 sigma, and share of lost returns, by intensity, then by range."
+            ]
+        },
+        printed=[*_table(found.noise), f"{windows} windows of smooth surfaces"],
+        document={"windows": windows, "echo_bands": bands},
+    )
+
+
+def _table(noise: Bands) -> Iterator[str]:
+    """Yield the lines of a table of noise."""
+    yield "Noise in millimeters, 1 sigma, by intensity and range:"
+    yield f"{'':>9}" + "".join(f"{place:>8.1f} m" for place in noise.range_m)
+    for intensity, row in zip(noise.intensity, noise.value, strict=True):
+        cells = (f"{1e3 * sigma:10.1f}" if np.isfinite(sigma) else f"{'-':>10}" for sigma in row)
+        yield f"{intensity:9.1f}" + "".join(cells)
 
 
 def _residuals(found: EchoFit) -> list[str]:
-    """Return comments on what the table leaves out."""
+    """Return what the table leaves out."""
     noise = ", ".join(
         f"{ratio:.2f} at {degrees:.0f} degrees"
         for degrees, ratio, _ in noise_by_incidence(found.windows, found.noise)
@@ -180,12 +189,6 @@ def _residuals(found: EchoFit) -> list[str]:
         for degrees, median, spread in intensity_by_incidence(found.windows)
     )
     return [
-        f"# Noise over the table's, by incidence: {noise}.",
-        f"# Median intensity by incidence: {light}.",
+        f"Noise over the table's, by incidence: {noise}.",
+        f"Median intensity by incidence: {light}.",
     ]
-
-
-def _yaml(name: str, value: Any) -> str:
-    """Return one field on one line."""
-    text: str = yaml.safe_dump(value, default_flow_style=True, width=math.inf, allow_unicode=True)
-    return f"{name}: " + text.removesuffix("...\n").strip()

@@ -35,6 +35,10 @@ class CheckedDatasheet(NamedTuple):
         """Name in a scenario."""
         return self.file.stem
 
+    def sensor(self) -> Sensor:
+        """Return the sensor of the sheet, with every default."""
+        return msgspec.convert({"kind": self.kind} | _PLACE | self.figures, Sensor)
+
 
 def shipped_datasheets() -> list[CheckedDatasheet]:
     """Return the data sheets that come with Groundlink, by name.

@@ -10,29 +10,33 @@ import pytest
 from groundlink.__main__ import main
 from groundlink.core.errors import UserError
 from groundlink.fitting.firings import Firings
-from groundlink.fitting.fitted_sheet import echo_bands, fit, sheet_text
+from groundlink.fitting.fitted_sheet import echo_bands, fit, fitted_sheet
 from groundlink.fitting.recordings import read_firings
-from groundlink.loader.datasheets import load_datasheet
+from groundlink.fitting.sheet_file import sheet_text
+from groundlink.loader.datasheets import CheckedDatasheet, load_datasheet
 from services.sensors.lidar.spec import Lidar
 from tests.services.sensors.scanning import targets
 
 from . import rooms
 from .test_recordings import cloud, mcap
 
-BASE = {
-    "kind": "lidar",
-    "datasheet": "A device: figures of its maker",
-    "elevations_deg": [-1.0, 1.0],
-    "range_stddev_m": 0.03,
-    "dropout": 0.5,
-    "laser_bias_m": 0.02,
-}
+BASE = CheckedDatasheet(
+    Path("device.yaml"),
+    "lidar",
+    "A device: figures of its maker",
+    {
+        "elevations_deg": [-1.0, 1.0],
+        "range_stddev_m": 0.03,
+        "dropout": 0.5,
+        "laser_bias_m": 0.02,
+    },
+)
 
 
 def test_a_fitted_sheet_replaces_noise_and_keeps_the_rest(tmp_path: Path) -> None:
     found = fit(rooms.measured(0.005, 0.013, lost=0.1, step_m=0.004), "a room")
     path = tmp_path / "device_fitted.yaml"
-    path.write_text(sheet_text(BASE, "device", "a room", found))
+    path.write_text(sheet_text(BASE, "a room", fitted_sheet(found, BASE.figures)))
     sheet = load_datasheet(str(path))
     assert sheet.title == "A device: figures of its maker; noise and dropout of a recording"
     assert sheet.figures.keys() == {
@@ -71,7 +75,7 @@ def test_the_command_fits_a_recording(tmp_path: Path, capsys: pytest.CaptureFixt
     assert main(arguments) == 0
     printed = capsys.readouterr().out
     assert "Noise in millimeters" in printed
-    assert f"wrote {out}: " in printed
+    assert f"wrote {out}\n" in printed
     place = {"name": "lidar", "topic": "/points", "frame": "lidar"}
     spec = msgspec.convert(load_datasheet(str(out)).figures | place, Lidar)
     assert (spec.firings_per_revolution, spec.range_stddev_m) == (1808, 0)
@@ -80,9 +84,9 @@ def test_the_command_fits_a_recording(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "# Recording: a room" in out.read_text()
     assert main(arguments) != 0
     assert "file exists" in capsys.readouterr().err
-    wrong = ["fit", str(recording), "--sheet", "imu_ideal", "--out", str(tmp_path / "x.yaml")]
+    wrong = ["fit", str(recording), "--sheet", "hc_sr04", "--out", str(tmp_path / "x.yaml")]
     assert main(wrong) != 0
-    assert "of kind `imu`; expected a LiDAR's" in capsys.readouterr().err
+    assert "of kind `range`; expected one of gnss, imu, lidar, lidar_2d" in capsys.readouterr().err
 
 
 def test_a_recording_without_smooth_surfaces_is_refused(tmp_path: Path) -> None:
