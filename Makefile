@@ -39,7 +39,7 @@ test-units: setup ## run unit tests, import contracts, style and type checks
 		--no-loadscope-reorder
 
 environments: setup ## install third-party programs that tests of the experiments need
-	@flock .venv/.environments $(BIN)/python -m experiments --install yag-slam --install kiss-icp --install evo
+	@flock .venv/.environments $(BIN)/python -m experiments $(patsubst %,--install %,yag-slam kiss-icp small-gicp genz-lio rko-lio evo)
 
 test-system: environments ## run tests of the running system, two at a time
 	@$(PYTEST) -m "system and not alone and not stack and not nightly" --reruns=$(RERUNS) --durations=20 \

@@ -87,6 +87,7 @@ def evaluate_estimate(
     case: str = "",
     took_s: float = 0.0,
     limit_m: float = 0.0,
+    limit_over_100_m: float = 0.0,
     scale: bool = False,
 ) -> tuple[Evaluation, AlignedEstimate]:
     """Evaluate a program's estimate on a recording.
@@ -113,10 +114,13 @@ def evaluate_estimate(
         scale=errors["scale"],
         took_s=took_s,
         limit_m=0.0 if options.short else limit_m,
+        over_100_m=errors["over_100_m"],
+        limit_over_100_m=0.0 if options.short else limit_over_100_m,
     )
     options.console.print(
         f"{experiment}, {program} {case}, seed {result.seed}: ATE {100 * result.ate_m:.2f} cm, "
         f"start to end {100 * result.start_to_end_m:.2f} cm over {result.way_m:.1f} m, "
+        f"{f'{result.over_100_m:.2%} over 100 m, ' if result.over_100_m else ''}"
         f"{result.poses} poses"
     )
     return result, AlignedEstimate(f"{program} {case}".strip(), matched, aligned, read_tum(tum))

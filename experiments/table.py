@@ -11,6 +11,7 @@ from .studies import (
     loss,
     navigation,
     outdoors,
+    patterns,
     track,
     transfer,
 )
@@ -27,7 +28,9 @@ EXPERIMENTS: dict[str, Experiment] = {
     "indoor_rgbd": Experiment(indoor_cameras.rgbd, minutes=8),
     "outdoor_lidar": Experiment(outdoors.lidar, minutes=6),
     "outdoor_lap": Experiment(outdoors.lap, minutes=9),
+    "outdoor_defaults": Experiment(patterns.defaults, minutes=12),
     "outdoor_mono": Experiment(outdoors.mono, minutes=11),
+    "patterns": Experiment(patterns.patterns, minutes=12),
     "track": Experiment(track.checkpoints, minutes=6),
     "shutter": Experiment(track.shutter, minutes=6),
     "loss": Experiment(loss.loss, minutes=10),

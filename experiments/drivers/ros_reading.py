@@ -43,21 +43,25 @@ def clouds(bag: Path, topic: str) -> Iterator[Cloud]:
         if not connections:
             raise SystemExit(f"{bag}: no topic {topic}")
         for connection, _, raw in reader.messages(connections):
-            message: Any = reader.deserialize(raw, connection.msgtype)
-            wanted = {f.name: f for f in message.fields if f.name in ("x", "y", "z", "time")}
-            if len(wanted) < 4 or any(f.datatype != FLOAT32 for f in wanted.values()):
-                raise SystemExit(f"{bag}: {topic}: expected fields x, y, z, time of 32-bit floats")
-            record = np.dtype(
-                {
-                    "names": list(wanted),
-                    "formats": ["<f4"] * len(wanted),
-                    "offsets": [field.offset for field in wanted.values()],
-                    "itemsize": message.point_step,
-                }
-            )
-            points = np.frombuffer(message.data, record)
-            xyz = np.stack([points[name] for name in "xyz"], axis=1).astype(np.float64)
-            yield Cloud(seconds(message.header.stamp), xyz, points["time"].astype(np.float64))
+            yield cloud_of(reader.deserialize(raw, connection.msgtype), f"{bag}: {topic}")
+
+
+def cloud_of(message: Any, source: str) -> Cloud:
+    """Return a sensor_msgs/PointCloud2 in numbers; `source` is named if it lacks a field."""
+    wanted = {f.name: f for f in message.fields if f.name in ("x", "y", "z", "time")}
+    if len(wanted) < 4 or any(f.datatype != FLOAT32 for f in wanted.values()):
+        raise SystemExit(f"{source}: expected fields x, y, z, time of 32-bit floats")
+    record = np.dtype(
+        {
+            "names": list(wanted),
+            "formats": ["<f4"] * len(wanted),
+            "offsets": [field.offset for field in wanted.values()],
+            "itemsize": message.point_step,
+        }
+    )
+    points = np.frombuffer(message.data, record)
+    xyz = np.stack([points[name] for name in "xyz"], axis=1).astype(np.float64)
+    return Cloud(seconds(message.header.stamp), xyz, points["time"].astype(np.float64))
 
 
 def seconds(stamp: Any) -> float:

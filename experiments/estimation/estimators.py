@@ -18,7 +18,7 @@ from experiments.recording.setups import Setup
 
 from . import environments
 from .evaluation import Evaluation
-from .programs import GENZ_LIO, KISS_ICP, SMALL_GICP, YAG_SLAM, ExternalProgram
+from .programs import GENZ_LIO, KISS_ICP, RKO_LIO, SMALL_GICP, YAG_SLAM, ExternalProgram
 
 
 @dataclass(frozen=True)
@@ -33,14 +33,27 @@ class Estimator:
     """Options of its driver."""
 
     knows_scale: bool = True
+    takes_imu: bool = False
 
+    def with_lidar(self, topic: str, frame: str) -> "Estimator":
+        """Return the estimator on the clouds of another LiDAR."""
+        mount = ("--lidar-frame", frame) if self.takes_imu else ()
+        return replace(
+            self,
+            frame=frame if self.frame == LIDAR_FRAME else self.frame,
+            settings=(*self.settings, "--lidar-topic", topic, *mount),
+        )
+
+
+LIDAR_FRAME = "lidar_link"
 
 AT_REST_S = 1.0
 """By then a vehicle is at rest on its springs."""
 
-LIDAR_INERTIAL = Estimator(GENZ_LIO, "imu_link", ("--from-s", str(AT_REST_S)))
-KISS = Estimator(KISS_ICP, "lidar_link")
-GICP = Estimator(SMALL_GICP, "lidar_link")
+LIDAR_INERTIAL = Estimator(GENZ_LIO, "imu_link", ("--from-s", str(AT_REST_S)), takes_imu=True)
+RKO = Estimator(RKO_LIO, LIDAR_FRAME, takes_imu=True)
+KISS = Estimator(KISS_ICP, LIDAR_FRAME)
+GICP = Estimator(SMALL_GICP, LIDAR_FRAME)
 SLAM_2D = Estimator(YAG_SLAM, "scan_link")
 
 
@@ -66,6 +79,7 @@ def run_estimator(
     more: Sequence[str] = (),
     bag: Path | None = None,
     limit_m: float = 0.0,
+    limit_over_100_m: float = 0.0,
 ) -> tuple[Evaluation, AlignedEstimate]:
     """Run a program on a recording and evaluate its estimate.
 
@@ -94,6 +108,7 @@ def run_estimator(
         case=case,
         took_s=time.monotonic() - began_s,
         limit_m=limit_m,
+        limit_over_100_m=limit_over_100_m,
         scale=not estimator.knows_scale,
     )
 

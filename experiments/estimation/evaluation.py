@@ -51,6 +51,12 @@ class Evaluation:
     limit_m: float = 0.0
     """Largest ATE that is accepted; 0 for none."""
 
+    over_100_m: float = 0.0
+    """Mean error of the motion over 100 m of the path, as a share; 0 where the path is shorter."""
+
+    limit_over_100_m: float = 0.0
+    """Largest `over_100_m` that is accepted; 0 for none."""
+
 
 def evaluate(
     truth: Trajectory,
@@ -118,9 +124,13 @@ def missed(results: Sequence[Evaluation]) -> list[str]:
     groups: dict[tuple[str, str, str], list[Evaluation]] = {}
     for result in results:
         groups.setdefault((result.experiment, result.program, result.case), []).append(result)
-    return [
-        f"{experiment}, {program} {case}: {median(group):.4f} m, expected below "
-        f"{group[0].limit_m:g} m"
-        for (experiment, program, case), group in groups.items()
-        if group[0].limit_m and not median(group) < group[0].limit_m
-    ]
+    found = []
+    for (experiment, program, case), group in groups.items():
+        what = f"{experiment}, {program} {case}"
+        error_m, limit_m = median(group), group[0].limit_m
+        if limit_m and not error_m < limit_m:
+            found.append(f"{what}: {error_m:.4f} m, expected below {limit_m:g} m")
+        share, limit = median(group, "over_100_m"), group[0].limit_over_100_m
+        if limit and not 0 < share < limit:
+            found.append(f"{what}: {share:.2%} over 100 m, expected below {limit:.2%}")
+    return found

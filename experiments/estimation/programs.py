@@ -91,6 +91,13 @@ SMALL_GICP = ExternalProgram(
     driver="small_gicp_odometry.py",
     license="MIT",
 )
+RKO_LIO = ExternalProgram(
+    name="rko-lio",
+    what="LiDAR-inertial odometry with the same settings for any sensor",
+    requirements=("rko-lio==0.4.0", *BAG_READER),
+    driver="rko_lio_odometry.py",
+    license="MIT",
+)
 EVO = ExternalProgram(
     name="evo",
     what="errors of trajectories",
@@ -109,5 +116,9 @@ YAG_SLAM_LIVE = ExternalProgram(
 
 PROGRAMS = {
     program.name: program
-    for program in (YAG_SLAM, YAG_SLAM_LIVE, ORB_SLAM3, GENZ_LIO, KISS_ICP, SMALL_GICP, EVO)
+    for program in (
+        *(YAG_SLAM, YAG_SLAM_LIVE, ORB_SLAM3),
+        *(GENZ_LIO, KISS_ICP, SMALL_GICP, RKO_LIO),
+        EVO,
+    )
 }

@@ -15,7 +15,6 @@ import re
 import shutil
 import sys
 from collections.abc import Sequence
-from dataclasses import fields
 from pathlib import Path
 
 from PIL import Image
@@ -40,21 +39,23 @@ def table(name: str, results: Sequence[Evaluation]) -> str:
 
 def table_of(results: Sequence[Evaluation]) -> list[str]:
     """Return a line for each program and case, medians over seeds."""
-    lines = [
-        "| program | ATE, median | of each seed | start to end, median | way | limit | took |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    far = any(result.over_100_m for result in results)
+    windows = ["over 100 m, median", "of each seed"] if far else []
+    head = ["program", "ATE, median", "of each seed", *windows]
+    head += ["start to end, median", "way", "limit", "took"]
+    lines = [_line(head), "|" + "---|" * len(head)]
     groups: dict[tuple[str, str], list[Evaluation]] = {}
     for result in results:
         groups.setdefault((result.program, result.case), []).append(result)
     for (program, case), group in groups.items():
-        limit_m = group[0].limit_m
-        each = ", ".join(_length(result.ate_m) for result in group)
-        lines.append(
-            f"| {f'{program}, {case}' if case else program} | {_length(median(group))} | {each} "
-            f"| {_length(median(group, 'start_to_end_m'))} | {median(group, 'way_m'):.1f} m "
-            f"| {_length(limit_m) if limit_m else '-'} | {median(group, 'took_s'):.0f} s |"
-        )
+        cells = [f"{program}, {case}" if case else program, _length(median(group))]
+        cells.append(", ".join(_length(result.ate_m) for result in group))
+        if far:
+            cells.append(_share(median(group, "over_100_m")))
+            cells.append(", ".join(_share(result.over_100_m) for result in group))
+        cells += [_length(median(group, "start_to_end_m")), f"{median(group, 'way_m'):.1f} m"]
+        cells += [_limit(group[0]), f"{median(group, 'took_s'):.0f} s"]
+        lines.append(_line(cells))
     return lines
 
 
@@ -63,16 +64,31 @@ def listing(file: Path) -> str:
     with file.open(encoding="utf-8", newline="") as stream:
         head, *rows = csv.reader(stream)
     lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return "\n".join(map(_line, lines))
 
 
 def text_of(file: Path) -> str:
     """Return what the page shows of a table."""
     with file.open(encoding="utf-8", newline="") as stream:
         head = next(csv.reader(stream))
-    if head == [field.name for field in fields(Evaluation)]:
+    if "ate_m" in head:
         return table(file.stem, read_csv(file))
     return listing(file)
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _limit(result: Evaluation) -> str:
+    """Return the limit of an ATE or of a relative error."""
+    if result.limit_over_100_m:
+        return f"{100 * result.limit_over_100_m:g} % over 100 m"
+    return _length(result.limit_m) if result.limit_m else "-"
+
+
+def _share(share: float) -> str:
+    return f"{100 * share:.2f} %" if share else "-"
 
 
 def _length(meters: float) -> str:

@@ -58,7 +58,7 @@ def road(speed_mps: float | None = None) -> dict[str, Any]:
 
 def lidar(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Run odometry by LiDAR and IMU, and by LiDAR alone, over 170 m of the road (6.4)."""
-    setup = _drive(options, "outdoor_lidar", SECONDS, CLOUDS)
+    setup = drive(options, "outdoor_lidar", SECONDS, CLOUDS)
     return compare_estimators(options, setup, {IN_OPEN_COUNTRY: LIMIT_M, GICP: 0.0})
 
 
@@ -67,14 +67,14 @@ def lap(options: ExperimentOptions) -> Sequence[Evaluation]:
 
     The result is how far the end is from the start.
     """
-    setup = _drive(options, "outdoor_lap", LAP_SECONDS, CLOUDS)
+    setup = drive(options, "outdoor_lap", LAP_SECONDS, CLOUDS)
     return compare_estimators(options, setup, {IN_OPEN_COUNTRY: LIMIT_M, GICP: 0.0})
 
 
 def mono(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Run ORB-SLAM3 on one camera at 30 Hz, given in real time, over 170 m (6.4)."""
     pictures = CameraStudy(
-        setup=_drive(options, "outdoor_mono", SECONDS, CAMERA),
+        setup=drive(options, "outdoor_mono", SECONDS, CAMERA),
         scenes=INDOORS,
         from_s=FIRST_FRAME_S,
         limit_m=lambda recording: CAMERA_LIMIT_SHARE * recording.truth().length_m,
@@ -82,7 +82,8 @@ def mono(options: ExperimentOptions) -> Sequence[Evaluation]:
     return orb_slam3(options, pictures)
 
 
-def _drive(options: ExperimentOptions, name: str, seconds: float, sensors: Changes) -> Setup:
+def drive(options: ExperimentOptions, name: str, seconds: float, sensors: Changes) -> Setup:
+    """Return the tank's drive."""
     return Setup(
         name=name,
         scenario=SCENARIO,

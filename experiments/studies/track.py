@@ -6,7 +6,7 @@ drive outdoors shows the effect of the duration of a sweep.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, fields, replace
+from dataclasses import astuple, fields
 from typing import Any
 
 from experiments.estimation.checkpoints import CheckpointError, accumulated_errors
@@ -74,13 +74,9 @@ def checkpoints(options: ExperimentOptions) -> Sequence[Evaluation]:
         checkpoints_m = recording.scenario.world.checkpoints
         for program in (LIDAR_INERTIAL, KISS, GICP):
             for case, (topic, frame) in LIDARS.items():
-                inertial = program is LIDAR_INERTIAL
-                estimator = program if inertial else replace(program, frame=frame)
+                estimator = program.with_lidar(topic, frame)
                 result, way = run_estimator(
-                    *(options, estimator, recording),
-                    experiment="track",
-                    case=case,
-                    more=("--lidar-topic", topic, *(("--lidar-frame", frame) if inertial else ())),
+                    options, estimator, recording, experiment="track", case=case
                 )
                 results.append(result)
                 passed = accumulated_errors(

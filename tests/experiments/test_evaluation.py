@@ -39,6 +39,19 @@ def test_the_median_is_what_counts() -> None:
     ]
 
 
+def test_a_relative_error_has_its_own_limit() -> None:
+    results = [replace(r, limit_over_100_m=0.01) for r in with_errors(0.01, 0.01, 0.01)]
+
+    def found(*shares: float) -> list[str]:
+        pairs = zip(results, shares, strict=True)
+        return missed([replace(result, over_100_m=share) for result, share in pairs])
+
+    assert found(0.002, 0.02, 0.003) == []
+    assert found(0.002, 0.02, 0.013) == ["indoor, slam : 1.30% over 100 m, expected below 1.00%"]
+    assert found(0.0, 0.0, 0.0), "a path of less than 100 m has no relative error"
+    assert found(*3 * (float("nan"),))
+
+
 def test_each_case_has_its_own_limit() -> None:
     alone = [replace(r, limit_m=0.0) for r in with_errors(1.0, 2.0, 3.0, case="odometry alone")]
     assert missed([*with_errors(0.01), *alone]) == []

@@ -25,6 +25,16 @@ def test_a_table_has_a_line_for_each_program_and_case() -> None:
     ]
 
 
+def test_relative_errors_have_columns_where_there_are_any() -> None:
+    far = replace(ONE, over_100_m=0.0012, limit_m=0.0, limit_over_100_m=0.01)
+    head, _, *lines = table("indoor", [far, replace(ONE, case="short")]).splitlines()[2:]
+    assert head.startswith("| program | ATE, median | of each seed | over 100 m, median | of each")
+    assert lines == [
+        "| slam | 1.00 cm | 1.00 cm | 0.12 % | 0.12 % | 2.00 cm | 30.2 m | 1 % over 100 m | 12 s |",
+        "| slam, short | 1.00 cm | 1.00 cm | - | - | 2.00 cm | 30.2 m | 2.00 cm | 12 s |",
+    ]
+
+
 def test_lost_trajectory_is_marked() -> None:
     *_, line = table("indoor", [replace(ONE, ate_m=math.inf)]).splitlines()
     assert line.startswith("| slam | lost | lost | 2.00 cm |")

@@ -8,11 +8,14 @@ from typing import Any
 import pytest
 
 from experiments.estimation import vocabulary
+from experiments.experiment import OUT, ExperimentOptions
+from experiments.output.console import Console
 from experiments.recording.setups import CRAWL_MPS, Setup, waypoints
-from experiments.studies import indoor_cameras, indoors
+from experiments.studies import indoor_cameras, indoors, patterns
 from groundlink.loader import load
 
 PLAIN = Setup(name="plain", scenario="indoor_paper", seconds=10.0)
+OPTIONS = ExperimentOptions(OUT, Console())
 
 
 def sensors(setup: Setup) -> dict[str, Any]:
@@ -71,6 +74,8 @@ def test_what_a_recording_depends_on_names_it(change: dict[str, Any]) -> None:
                 indoor_cameras.RGBD,
             )
         ),
+        patterns.road(OPTIONS),
+        patterns.room(OPTIONS),
         vocabulary.OUTDOORS,
         vocabulary.INDOORS,
     ],
