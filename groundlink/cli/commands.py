@@ -5,6 +5,7 @@ import argparse
 
 from groundlink.core import VERSION
 
+from .bisect import command as bisect
 from .files import (
     check,
     completion,
@@ -28,7 +29,7 @@ from .run import control, demo, drive, fault, link, record, replay, save, spawn,
 from .sheets import fit, sensors
 
 GROUPS = {
-    "start a run": (demo, up, record, replay, snapshot, sweep),
+    "start a run": (demo, up, record, replay, snapshot, sweep, bisect),
     "look at a run": (top, view),
     "control a run": (drive, control, save, spawn, fault, link),
     "use a recording": (report, verify, resim, export, convert, fit),

@@ -10,6 +10,7 @@ import argparse
 import copy
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,7 +43,7 @@ class FieldChange:
         It is not where the field belongs to something that comes from another file, such as a data
         sheet.
         """
-        path = self._located(document)
+        path = self.located(document)
         is_written_here = isinstance(document.at(path[:-1]), dict)
         if is_written_here:
             self._put(document, path)
@@ -56,7 +57,7 @@ class FieldChange:
         UserError
             when there is no such field.
         """
-        path = self._located(document)
+        path = self.located(document)
         for end in range(1, len(path)):
             around = document.at(path[:end])
             if around is None:
@@ -70,8 +71,14 @@ class FieldChange:
     def _put(self, document: Document, path: DataPath) -> None:
         document.put(path, Document(copy.deepcopy(self.value), {(): document.mark(path)}))
 
-    def _located(self, document: Document) -> DataPath:
-        """Return the path in a document."""
+    def located(self, document: Document) -> DataPath:
+        """Return the path in a document.
+
+        Raises
+        ------
+        UserError
+            when there is no such element.
+        """
         steps = self.field.split(".")
         path: DataPath = ()
         for step in self._from_the_top(document, steps):
@@ -108,6 +115,36 @@ class FieldChange:
     @staticmethod
     def _hint(word: str, names: Sequence[str]) -> str:
         return did_you_mean(word, [*names, *Vehicle.__struct_fields__, *Scenario.__struct_fields__])
+
+
+def field_at(document: Document, path: DataPath) -> str:
+    """Return the shortest text with which `--set` names a path of a document.
+
+    Raises
+    ------
+    UserError
+        when there is none, because a step has a dot in its name.
+    """
+    steps = [_step(document, path[: end + 1]) for end in range(len(path))]
+    shorter = []
+    if steps[0] == "vehicles":
+        shorter = [steps[2:], steps[1:]]
+        if steps[2:3] == ["sensors"]:
+            shorter = [steps[3:], *shorter[:1], [steps[1], *steps[3:]], *shorter[1:]]
+    for each in (*shorter, steps):
+        with suppress(UserError):
+            if each and FieldChange(text := ".".join(each), None).located(document) == path:
+                return text
+    raise UserError(
+        f"{document.mark(path)}: `--set` cannot name `{'.'.join(steps)}`, since a name in it has a "
+        "dot. Fix: rename it"
+    )
+
+
+def _step(document: Document, path: DataPath) -> str:
+    """Return the name of the last step of a path, its number without a name."""
+    name = element.get("name") if isinstance(element := document.at(path), dict) else None
+    return name if isinstance(name, str) and isinstance(path[-1], int) else str(path[-1])
 
 
 def add_argument(parser: argparse.ArgumentParser) -> None:

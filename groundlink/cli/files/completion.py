@@ -71,6 +71,7 @@ WORDS = {
     "run": Words(command=RUNS),
     "kind": Words(lambda: [*FAULTS, CLEAR]),
     "path": Words(_fields),
+    "FIELD|FIELD=VALUE,...": Words(_fields),
     "file": Words(files=tuple(f"*{end}" for end in (*heightmaps.FORMATS, *mesh_files.FORMATS))),
     "folder": Words(is_folder=True),
     "FOLDER": Words(is_folder=True),

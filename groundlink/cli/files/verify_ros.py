@@ -54,6 +54,22 @@ class RosStack(NamedTuple):
     limit_seconds: float
     """Wall time for which sim time may stand still."""
 
+    folder: Path | None = None
+    """Working directory of the command; None: that of this process."""
+
+
+class StackEnd(NamedTuple):
+    """How a run with a stack ended."""
+
+    reached_seconds: float
+    """Sim time."""
+
+    is_complete: bool
+    """Whether the run reached the end of its time."""
+
+    code: int | None
+    """Exit code of the stack's command; None if it was running until the end."""
+
 
 def verify_ros(stack: RosStack, *, as_json: bool = False) -> int:
     """Run a stack twice; return 0 if all messages are equal, 1 if not.
@@ -99,54 +115,95 @@ def verify_ros(stack: RosStack, *, as_json: bool = False) -> int:
 
 
 def _run(stack: RosStack, scenario: Scenario, trace: Path, console: Console, name: str) -> float:
-    """Run a scenario in fast mode with a stack, and write a trace; return the sim time reached."""
-    run, endpoint = f"verify_{os.getpid()}", process_commands.free_endpoint()
+    """Run a scenario with a stack, and write a trace; return the sim time reached."""
+    end = run_stack(stack, scenario, console, f"{name} run", node=("--trace", str(trace)))
+    if end.code is not None and not end.is_complete:
+        raise UserError(
+            f"--ros: `{stack.command[0]}` ended with exit code {end.code} in the {name} run, at "
+            f"{end.reached_seconds:.1f} s of {stack.seconds:g} s"
+        )
+    return end.reached_seconds
+
+
+def run_stack(
+    stack: RosStack,
+    scenario: Scenario,
+    console: Console,
+    title: str,
+    *,
+    node: Sequence[str] = (),
+    physics: Sequence[str] = (),
+    recording: Path | None = None,
+) -> StackEnd:
+    """Run a scenario in fast mode with a stack, until the end of its time or of its command.
+
+    Parameters
+    ----------
+    title
+        name of the run in the live status.
+    node, physics
+        further arguments of the ROS node and of physics.
+    recording
+        file to record to, in the order that identical runs give identical files.
+
+    Raises
+    ------
+    UserError
+        if the stack cannot be started.
+    SystemExit
+        if a process of the run failed.
+    """
+    run, endpoint = f"stack_{os.getpid()}", process_commands.free_endpoint()
     commands = process_commands.commands(scenario, stack.file, run, endpoint, sensors_together=True)
-    commands["physics"] += ["--mode", "fast"]
-    node = running.ros_side(scenario.gateway, console)
-    if "udp_bridge_ros2" not in node:
+    commands["physics"] += ["--mode", "fast", *physics]
+    ros_side = running.ros_side(scenario.gateway, console)
+    if "udp_bridge_ros2" not in ros_side:
         raise RequirementError("--ros: needs rclpy and the Python package `udp_bridge_ros2`")
-    commands[running.ROS_SIDE] = [*node, "--trace", str(trace)]
-    supervised_run = supervised.SupervisedRun(commands, run, endpoint, console)
+    commands[running.ROS_SIDE] = [*ros_side, *node]
+    if recording is not None:
+        commands[running.RECORDER] = process_commands.recorder(str(recording), run, endpoint)
+        commands[running.RECORDER] += ["--ordered", "--duration", f"{stack.seconds:g}"]
+        commands["physics"] += ["--wait-for", running.RECORDER]
+    supervised_run = supervised.SupervisedRun(
+        commands, run, endpoint, console, finite={running.RECORDER}
+    )
     monitor = supervised_run.monitor
+    recorder = supervised_run.children.get(running.RECORDER)
     reached_seconds, changed = 0.0, time.monotonic()
+
+    def is_complete() -> bool:
+        return recorder.is_done if recorder else reached_seconds >= stack.seconds
 
     def is_over() -> bool:
         nonlocal reached_seconds, changed
         if monitor.sim_seconds > reached_seconds:
             reached_seconds, changed = monitor.sim_seconds, time.monotonic()
         is_late = time.monotonic() - changed > stack.limit_seconds
-        return is_late or reached_seconds >= stack.seconds or nodes.poll() is not None
+        return is_late or is_complete() or nodes.poll() is not None
 
     def picture() -> Text:
-        return Text(f"{name} run: {reached_seconds:.1f} of {stack.seconds:g} s")
+        return Text(f"{title}: {reached_seconds:.1f} of {stack.seconds:g} s")
 
-    with _started(stack.command, supervised_run.log) as nodes:
+    with _started(stack, supervised_run.log) as nodes:
         failed = supervised_run.go(is_over, picture)
         code = nodes.poll()
     if supervised_run.is_interrupted:
         raise KeyboardInterrupt
     if failed:
         raise SystemExit(supervised.exit_code(failed))
-    if code is not None and reached_seconds < stack.seconds:
-        raise UserError(
-            f"--ros: `{stack.command[0]}` ended with exit code {code} in the {name} run, at "
-            f"{reached_seconds:.1f} s of {stack.seconds:g} s"
-        )
     for child in supervised_run.children.values():
         if child.restarts:
             terminal.say(console, f"{child.name} was restarted; differences may come from that")
-    return reached_seconds
+    return StackEnd(reached_seconds, is_complete(), code)
 
 
 @contextmanager
-def _started(
-    command: Sequence[str], log: Callable[[str], None]
-) -> Iterator["subprocess.Popen[str]"]:
-    """Start a command in a process group; end the group as Ctrl-C does, then by force."""
+def _started(stack: RosStack, log: Callable[[str], None]) -> Iterator["subprocess.Popen[str]"]:
+    """Start a stack in a process group; end the group as Ctrl-C does, then by force."""
     try:
         process = subprocess.Popen(
-            command,
+            stack.command,
+            cwd=stack.folder,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -156,7 +213,7 @@ def _started(
             preexec_fn=end_with_parent,
         )
     except OSError as error:
-        raise UserError(f"--ros: `{command[0]}`: {error.strerror}") from None
+        raise UserError(f"--ros: `{stack.command[0]}`: {error.strerror}") from None
     assert process.stdout
     threading.Thread(target=_pass_on, args=(process.stdout, log), daemon=True).start()
     try:

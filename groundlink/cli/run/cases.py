@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings of a scenario with changed fields, each by a process of its own, and their checks."""
 
+import os
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from groundlink.loader.overrides import FieldChange
 from groundlink.monitor.process_commands import free_endpoint
+from groundlink.monitor.supervisor import end_with_parent
 
 INTERRUPTED = 130
 
@@ -39,14 +43,38 @@ def record_case(scenario: str, case: Case, recording: Path, duration: str | None
 
 def check_recording(command: str, recording: Path) -> tuple[str, int]:
     """Run a shell command on a recording, its last argument; return its last line and exit code."""
-    done = subprocess.run(
-        ["/bin/sh", "-c", f'{command} "$1"', "sh", str(recording)],
+    return run_in_shell(command, str(recording))
+
+
+def run_in_shell(command: str, *arguments: str, folder: Path | None = None) -> tuple[str, int]:
+    """Run a shell command in a process group, of which no process is left afterwards.
+
+    Parameters
+    ----------
+    arguments
+        further arguments of the command.
+    folder
+        working directory; None: that of this process.
+
+    Returns
+    -------
+    The last line that it printed, `-` for none, and its exit code.
+    """
+    with subprocess.Popen(
+        ["/bin/sh", "-c", f'{command} "$@"', "sh", *arguments],
+        cwd=folder,
         stdout=subprocess.PIPE,
         text=True,
-        check=False,
-    )
-    last = (done.stdout.strip().splitlines() or ["-"])[-1]
-    return last, done.returncode
+        errors="replace",
+        start_new_session=True,
+        preexec_fn=end_with_parent,
+    ) as process:
+        try:
+            printed, _ = process.communicate()
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+    return (printed.strip().splitlines() or ["-"])[-1], process.returncode
 
 
 def exit_code(
