@@ -58,8 +58,10 @@ def first_run_difference(first: Recording, second: Recording) -> RunDifference |
     the scenario and the inputs alone, and what the gateway computes of other topics, is ignored.
     """
     recordings = (first, second)
-    begin_nanos = max(_covered(recording)[0] for recording in recordings)
-    end_nanos = min(_covered(recording)[1] for recording in recordings)
+    spans = [_span(recording) for recording in recordings]
+    begin_nanos = max(span.begin_nanos for span in spans)
+    whole_to_nanos = min(span.whole_to_nanos for span in spans)
+    end_nanos = min(span.end_nanos for span in spans)
     ignored = {topic for recording in recordings for topic in _ignored(recording)}
     inputs = [stream.topic for stream in incoming(first.run.scenario, first.run.run)]
     instants = [_instants(each, begin_nanos, end_nanos, ignored) for each in recordings]
@@ -70,10 +72,11 @@ def first_run_difference(first: Recording, second: Recording) -> RunDifference |
         now = [i.messages if i and i.nanos == nanos else {} for i in (one, other)]
         topics = sorted({*now[0], *now[1]}, key=lambda topic: (topic not in inputs, topic))
         for topic in topics:
-            if found := _difference(now[0].get(topic, []), now[1].get(topic, [])):
+            messages = [each.get(topic, []) for each in now]
+            if found := _difference(*messages, may_lack=nanos >= whole_to_nanos):
                 number, field, values = found
                 return RunDifference(topic, nanos / NANOS, numbers[topic] + number, field, *values)
-            numbers[topic] += len(now[0].get(topic, []))
+            numbers[topic] += len(messages[0])
         if one and one.nanos == nanos:
             one = next(instants[0], None)
         if other and other.nanos == nanos:
@@ -81,14 +84,26 @@ def first_run_difference(first: Recording, second: Recording) -> RunDifference |
     return None
 
 
-def _covered(recording: Recording) -> tuple[int, int]:
-    """Return the time that a recording covers without gaps, since the start of its run, ns."""
-    first_nanos, end_nanos = recording.first_nanos, recording.end_nanos
-    epoch_nanos = recording.run.epoch_nanos
+class _Span(NamedTuple):
+    """The time that a recording covers, since the start of its run."""
+
+    begin_nanos: int
+    whole_to_nanos: int
+    """Messages after may be missing, since they were in transit at the end."""
+
+    end_nanos: int
+    """Exclusive."""
+
+
+def _span(recording: Recording) -> _Span:
+    epoch_nanos, first_nanos = recording.run.epoch_nanos, recording.first_nanos
     begin_nanos = first_nanos + (UNDER_WAY_NANOS if first_nanos > epoch_nanos else 0)
-    if end_nanos is None:
-        end_nanos = recording.last_nanos - UNDER_WAY_NANOS
-    return begin_nanos - epoch_nanos, end_nanos - epoch_nanos
+    if (end_nanos := recording.end_nanos) is not None:
+        span = (begin_nanos, end_nanos, end_nanos)
+    else:
+        last_nanos = recording.last_nanos
+        span = (begin_nanos, last_nanos - UNDER_WAY_NANOS, last_nanos + 1)
+    return _Span(*(nanos - epoch_nanos for nanos in span))
 
 
 def _ignored(recording: Recording) -> Iterator[str]:
@@ -115,14 +130,17 @@ def _instants(
 
 
 def _difference(
-    first: list[RecordedMessage], second: list[RecordedMessage]
+    first: list[RecordedMessage], second: list[RecordedMessage], *, may_lack: bool
 ) -> tuple[int, str, tuple[str, str]] | None:
-    """Return number, field and values of the first difference of one topic at one time."""
+    """Return number, field and values of the first difference of one topic at one time.
+
+    A missing message is none where messages may be missing.
+    """
     for number, (one, other) in enumerate(zip(first, second, strict=False), 1):
         if one.cdr != other.cdr:
             found = message_difference(one.ros_type, one.cdr, other.cdr)
             return number, found.field, (found.recorded, found.repeated)
-    if len(first) == len(second):
+    if len(first) == len(second) or may_lack:
         return None
     words = ("a message", "no message")
     number = min(len(first), len(second)) + 1

@@ -85,6 +85,8 @@ def exit_code(
 ) -> int:
     """Run a command; return its exit code, also after Ctrl-C, which reaches it as well."""
     try:
-        return subprocess.run(command, stdout=stdout, env=env, check=False).returncode
+        return subprocess.run(
+            command, stdout=stdout, env=env, check=False, preexec_fn=end_with_parent
+        ).returncode
     except KeyboardInterrupt:
         return INTERRUPTED

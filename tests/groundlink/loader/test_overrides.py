@@ -8,7 +8,8 @@ import pytest
 
 from groundlink.core.errors import UserError
 from groundlink.loader import load
-from groundlink.loader.overrides import alternatives, field_changes
+from groundlink.loader.document import DataPath, Document, SourceLine
+from groundlink.loader.overrides import FieldChange, alternatives, field_at, field_changes
 from groundlink.scenario import Scenario
 
 
@@ -98,3 +99,38 @@ def test_alternatives_are_separated_by_commas() -> None:
 def test_alternatives_of_another_form_are_one_line(text: str) -> None:
     with pytest.raises(UserError, match=r"^--set "):
         alternatives(text)
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        (("seed",), "seed"),
+        (("gateway", "link", "to_ros"), "gateway.link.to_ros"),
+        (("vehicles", 0, "route", "laps"), "route.laps"),
+        (("vehicles", 0, "sensors", 1, "rate_hz"), "imu.rate_hz"),
+        (("vehicles", 0, "sensors", 1), "imu"),
+        (("vehicles", 0, "sensors", 2, "rate_hz"), "sensors.route.rate_hz"),
+        (("vehicles", 0, "sensors", 3, "faults", 0, "kind"), "3.faults.0.kind"),
+        (("vehicles", 0), "rover"),
+        (("vehicles",), "vehicles"),
+    ],
+)
+def test_shortest_text_of_a_path_leads_back_to_it(path: DataPath, text: str) -> None:
+    names = ("lidar", "imu", "route")
+    sensors: list[dict[str, Any]] = [{"name": name, "rate_hz": 1} for name in names]
+    sensors.append({"faults": [{"kind": "stuck"}]})
+    vehicle = {"name": "rover", "route": {"laps": 1}, "sensors": sensors}
+    document = Document({"vehicles": [vehicle], "gateway": {"link": {"to_ros": {}}}})
+    assert field_at(document, path) == text
+    assert FieldChange(text, None).located(document) == path
+
+
+def test_paths_of_several_vehicles_begin_with_a_name() -> None:
+    sensor = {"name": "imu"}
+    vehicles = [{"name": name, "sensors": [sensor]} for name in ("first", "second.one")]
+    document = Document({"vehicles": vehicles}, {(): SourceLine(Path("two.yaml"), 1)})
+    assert field_at(document, ("vehicles", 0, "sensors", 0, "rate_hz")) == "first.imu.rate_hz"
+    with pytest.raises(
+        UserError, match=r"two.yaml:1: `--set` cannot name `vehicles\.second\.one\."
+    ):
+        field_at(document, ("vehicles", 1, "sensors", 0, "rate_hz"))
