@@ -13,10 +13,11 @@ import pytest
 from groundlink.__main__ import main as groundlink
 from groundlink.bisection.search import most_probes
 from tests.groundlink.cli.bisect.toys import ToyRepository
+from tests.ros_domains import next_domain
 
-from .rig import children_of, wait_for
+from .rig import children_of, free_port, wait_for
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.timeout(200)]
 
 SCENARIO = """
 name: toy
@@ -101,6 +102,54 @@ def test_guilty_commit_is_found(folder: Path, capsys: pytest.CaptureFixture[str]
     assert result["first_difference"]["field"] == "angular.z"
     assert result["runs"] <= most_probes(17) == 6
     assert toy.git("status", "--porcelain") == ""
+
+
+LOCKSTEP = """
+time: {mode: fast, lockstep: ros, clock_rate_hz: 50, answers: {/cmd_vel: /wheel_encoders}}
+gateway: {bind: "127.0.0.1:BIND", peer: "127.0.0.1:PEER"}
+"""
+
+NODE = """
+import rclpy
+from geometry_msgs.msg import Twist
+from groundlink_msgs.msg import WheelEncoders
+
+rclpy.init()
+node = rclpy.create_node("driver")
+publisher = node.create_publisher(Twist, "/cmd_vel", 10)
+
+def answer(encoders):
+    twist = Twist()
+    twist.linear.x = float(open("speed").read())
+    publisher.publish(twist)
+
+node.create_subscription(WheelEncoders, "/wheel_encoders", answer, 10)
+rclpy.spin(node)
+"""
+
+
+def test_ros_stack_of_a_commit_runs_in_lockstep(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("rclpy", reason="no ROS 2 here")
+    monkeypatch.setenv("ROS_DOMAIN_ID", next_domain())
+    ports = LOCKSTEP.replace("BIND", str(free_port())).replace("PEER", str(free_port()))
+    (folder / "loop.yaml").write_text(SCENARIO + ports, encoding="utf-8")
+    toy = ToyRepository(folder / "stack")
+    shas = toy.commits([0.4, 0.8], {"node.py": NODE})
+    words = ["loop.yaml", "--repository", "stack", "--good", shas[0], "--bad", shas[1], "--json"]
+    stack = ["--stack", f"{sys.executable} node.py", "--duration", "1"]
+    assert groundlink(["bisect", *words, *stack, "--", sys.executable, "top_speed.py"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert [change["sha"] for change in result["changes"]] == [shas[1]]
+    difference = result["first_difference"]
+    assert {name: difference[name] for name in ("topic", "sim_seconds", "number", "field")} == {
+        "topic": "/cmd_vel",
+        "sim_seconds": 0.0,
+        "number": 1,
+        "field": "linear.x",
+    }
+    assert (difference["good"], difference["bad"]) == ("0.4", "0.8")
 
 
 def descendants(pid: int) -> set[int]:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from msgspec import to_builtins
-from rich.console import Console
 
 from groundlink.bisection.search import Verdict
 from groundlink.cli import Subparsers
@@ -149,7 +148,7 @@ def bisect(options: argparse.Namespace) -> int:
     def say(line: str) -> None:
         terminal.say(console, line)
 
-    subject = _subject(options, console)
+    subject = _subject(options)
     folder = options.out.resolve()
     prober = Prober(folder, subject.setting, options.check, subject.most_runs, say)
     say(subject.title)
@@ -173,7 +172,7 @@ def bisect(options: argparse.Namespace) -> int:
     return 1 if found.skipped else 0
 
 
-def _subject(options: argparse.Namespace, console: Console) -> Subject:
+def _subject(options: argparse.Namespace) -> Subject:
     """Return what the options ask to vary.
 
     Raises
@@ -182,7 +181,7 @@ def _subject(options: argparse.Namespace, console: Console) -> Subject:
         when they do not fit together.
     """
     fixed, varied = _split(options.set)
-    recorder = _recorder(options, console)
+    recorder = _recorder(options)
     _check_options(options, varied)
     if options.repository:
         return Commits(
@@ -219,7 +218,7 @@ def _split(texts: Sequence[str]) -> tuple[tuple[FieldChange, ...], list[str]]:
     return tuple(fixed), varied
 
 
-def _recorder(options: argparse.Namespace, console: Console) -> RunRecorder:
+def _recorder(options: argparse.Namespace) -> RunRecorder:
     if options.program:
         return ProgramRecorder(options.program)
     try:
@@ -229,7 +228,7 @@ def _recorder(options: argparse.Namespace, console: Console) -> RunRecorder:
     if not is_positive:
         raise UserError(f"--duration {options.duration}: expected seconds, more than 0")
     if options.stack:
-        return StackRecorder(options.stack, options.duration, console)
+        return StackRecorder(options.stack, options.duration)
     return ScenarioRecorder(options.duration)
 
 

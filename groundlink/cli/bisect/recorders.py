@@ -2,6 +2,7 @@
 """Runs of a bisection: `groundlink record`, a ROS stack in lockstep, or a program that records."""
 
 import signal
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,7 @@ from groundlink.cli.run.cases import Case, record_case, run_in_shell
 from groundlink.cli.run.record import SECONDS
 from groundlink.cli.run.running import load_scenario
 from groundlink.cli.terminal import output as terminal
+from groundlink.cli.terminal.progress import progress
 from groundlink.core.errors import UserError
 from groundlink.ros.streams import answers_mistake
 
@@ -67,8 +69,6 @@ class StackRecorder(NamedTuple):
     duration: str | None
     """Sim time, s; None: that of `groundlink record`."""
 
-    console: Console
-
     def setting(self) -> Mapping[str, str]:
         """Return the duration and the command."""
         return {"duration": f"{float(self.duration or SECONDS):g}", "stack": self.command}
@@ -86,21 +86,23 @@ class StackRecorder(NamedTuple):
             raise UserError(f"{scenario}: `time.lockstep` is not `ros`, which --stack needs")
         if mistake := answers_mistake(described):
             raise UserError(f"{scenario}: {mistake}")
-        shell = ["/bin/sh", "-c", self.command]
         seconds = float(self.duration or SECONDS)
+        shell = ["/bin/sh", "-c", self.command]
         stack = RosStack(scenario, shell, seconds, LIMIT_SECONDS, folder)
         changes = [word for change in case for word in ("--set", change.text)]
+        log = out.with_suffix(".log")
         try:
-            with _signals_kept():
-                end = run_stack(
-                    stack, described, self.console, out.stem, physics=changes, recording=out
-                )
+            with _signals_kept(), progress("run with the stack"), log.open("w") as opened:
+                console = Console(file=opened, width=terminal.PLAIN_WIDTH)
+                end = run_stack(stack, described, console, "run", physics=changes, recording=out)
         except SystemExit as failed:
+            print(f"groundlink: its lines are in {log}", file=sys.stderr)
             return int(failed.code or 1)
         if end.is_complete:
             return 0
-        how = "no answer" if end.code is None else f"the stack ended with exit code {end.code}"
-        terminal.say(self.console, f"  {how} at {end.reached_seconds:.1f} s of {seconds:g} s")
+        how = "stopped answering" if end.code is None else f"ended with exit code {end.code}"
+        at = f"at {end.reached_seconds:.1f} s of {seconds:g} s"
+        print(f"groundlink: the stack {how} {at}; see {log}", file=sys.stderr)
         return 1
 
 

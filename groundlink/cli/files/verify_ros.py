@@ -11,10 +11,10 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
 from rich.text import Text
@@ -227,9 +227,10 @@ def _started(stack: RosStack, log: Callable[[str], None]) -> Iterator["subproces
                 continue
 
 
-def _pass_on(lines: Iterable[str], log: Callable[[str], None]) -> None:
-    for line in lines:
-        log(f"stack: {line.rstrip()}")
+def _pass_on(lines: IO[str], log: Callable[[str], None]) -> None:
+    with lines:
+        for line in lines:
+            log(f"stack: {line.rstrip()}")
 
 
 def _show(rows: Sequence["TracedTopic"], console: Console) -> None:
