@@ -209,8 +209,8 @@ def loaded_by(*modules: str) -> dict[str, str]:
     ("modules", "most"),
     [
         (("services.router.__main__",), 25),
-        (("services.sensors.imu.__main__", "services.sensors.imu.model"), 101),
-        (("services.gateway.__main__",), 160),
+        (("services.sensors.imu.__main__", "services.sensors.imu.model"), 102),
+        (("services.gateway.__main__",), 161),
     ],
     ids=["router", "imu", "gateway"],
 )

@@ -39,6 +39,19 @@ class MissionEvent(msgspec.Struct, frozen=True):
     touching: tuple[str, ...] = ()
     """What the vehicle touched then, besides the ground under its wheels."""
 
+    def described(self) -> str:
+        """Return the event as text."""
+        x, y = (round(value, 2) + 0.0 for value in self.position_m[:2])  # No minus zero.
+        when = f"since {self.begin_seconds:.1f} s"
+        if self.end_seconds is not None:
+            when = f"from {self.begin_seconds:.1f} to {self.end_seconds:.1f} s"
+        words = f"{self.state} at x {x:.2f}, y {y:.2f} m {when}"
+        if self.state == STUCK:
+            speed, turn = self.command
+            words += f" (commanded {speed:.2f} m/s, {turn:.2f} rad/s)"
+        touching = ", ".join(f"`{name}`" for name in self.touching)
+        return f"{words}, touching {touching}" if touching else words
+
 
 class Mission(msgspec.Struct, frozen=True):
     """Figures of one vehicle from the first state to the last."""
@@ -95,12 +108,12 @@ class Mission(msgspec.Struct, frozen=True):
         """Return one line on how the mission ended badly: what, where, when, and what to try."""
         if self.ending is None:
             return None
-        return f"{self.vehicle}: {_described(self.ending)}. Fix: {self.fix}"
+        return f"{self.vehicle}: {self.ending.described()}. Fix: {self.fix}"
 
     def problems(self) -> list[str]:
         """Return all that was not as it should be as lines; what it ended in is the first."""
         lines = list(filter(None, [self.failure()]))
-        lines += [f"{self.vehicle} was {_described(event)}" for event in self.events]
+        lines += [f"{self.vehicle} was {event.described()}" for event in self.events]
         for share, done, asked, unit in (
             (self.speed_share, self.followed_m, self.commanded_m, "m"),
             (self.turn_share, self.turned_rad, self.commanded_rad, "rad"),
@@ -109,17 +122,3 @@ class Mission(msgspec.Struct, frozen=True):
                 verb = "drove" if unit == "m" else "turned"
                 lines.append(f"{self.vehicle} {verb} {done:.1f} of {asked:.1f} {unit} commanded")
         return lines
-
-
-def _described(event: MissionEvent) -> str:
-    """Return an event as text."""
-    x, y = (round(value, 2) + 0.0 for value in event.position_m[:2])  # No minus zero.
-    when = f"since {event.begin_seconds:.1f} s"
-    if event.end_seconds is not None:
-        when = f"from {event.begin_seconds:.1f} to {event.end_seconds:.1f} s"
-    words = f"{event.state} at x {x:.2f}, y {y:.2f} m {when}"
-    if event.state == STUCK:
-        speed, turn = event.command
-        words += f" (commanded {speed:.2f} m/s, {turn:.2f} rad/s)"
-    touching = ", ".join(f"`{name}`" for name in event.touching)
-    return f"{words}, touching {touching}" if touching else words

@@ -17,6 +17,8 @@ from msgspec.structs import replace
 
 from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.quaternions import heading_rad, rotate
+from groundlink.messages.base import BusMessage, Command, WheelCommand, floats
+from groundlink.messages.navigation import JointState
 from groundlink.scenario.running_gear import SideSteered
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.vehicle import VehicleModel
@@ -109,6 +111,22 @@ def wheels_twist(model: VehicleModel, speeds_radps: Mapping[str, float]) -> tupl
     return (left + right) / 2, (right - left) / track_m
 
 
+def commanded_twist(model: VehicleModel, message: BusMessage) -> tuple[float, float] | None:
+    """Return the velocity, m/s and rad/s, that a message commands; None for no command."""
+    match message:
+        case Command():
+            return message.linear_mps[0], message.angular_radps[2]
+        case WheelCommand():
+            return wheels_twist(model, message.speeds_radps)
+        case JointState():
+            speeds = floats(message.velocities).tolist()
+            of_joints = dict(zip(message.names, speeds, strict=False))
+            shafts = (shaft.name for shaft in model.drive.shafts(model.wheels) if shaft.driven)
+            of_wheels = {name: of_joints[name] for name in shafts if name in of_joints}
+            return wheels_twist(model, of_wheels) if of_wheels else None
+    return None
+
+
 class RouteProgress:
     """How far a vehicle is along its route. Later parts count only after earlier ones."""
 
@@ -122,6 +140,9 @@ class RouteProgress:
         )
         self._leg = Leg(along.points_m, along.speeds_mps) if len(along.speeds_mps) else None
         self._reached_m = 0.0
+        self.apart_m = 0.0
+        """Distance of the base from the reached part of the route; 0 without a length."""
+
         self._place: tuple[float, float] | None = None
 
     def moved(self, x_m: float, y_m: float) -> None:
@@ -136,7 +157,7 @@ class RouteProgress:
         else:
             ahead = ROUTE_SEARCH_M + dist(self._place, (x_m, y_m))
             found, apart = self._leg.nearest(here, self._reached_m, self._reached_m + ahead)
-        self._place, self._reached_m = (x_m, y_m), found
+        self._place, self._reached_m, self.apart_m = (x_m, y_m), found, apart
 
     @property
     def share(self) -> float:
@@ -374,9 +395,13 @@ class MissionTracker:
                 tuple(n for n, at in self._touched.items() if now - at <= TOUCHED_SECONDS),
             )
 
+    def present(self) -> list[MissionEvent]:
+        """Return the failures that the vehicle is in at the last state, the worst first."""
+        return [c.event for c in map(self._conditions.get, DELAYS) if c and c.event]
+
     def mission(self) -> Mission:
         """Return the figures up to the last state."""
-        present = [c.event for c in map(self._conditions.get, DELAYS) if c and c.event]
+        present = self.present()
         seconds = 0.0 if self._pose is None else self._pose.seconds
         stuck = sum(seconds - event.begin_seconds for event in present if event.state == STUCK)
         ending = present[0] if present else None

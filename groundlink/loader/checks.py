@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from groundlink.core.errors import did_you_mean
+from groundlink.expectations.scope import mistakes as expectation_mistakes
 from groundlink.ros.streams import TRUE_MAP_TOPIC
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.fault_checks import fault_problem
@@ -72,6 +73,17 @@ def check_scenario(scenario: Scenario, document: Document) -> None:
     except WorldError as error:
         raise ScenarioError(f"{document.mark(error.path)}: {error}") from None
     _check_entities(scenario, document)
+    check_expectations(scenario, document)
+
+
+def check_expectations(scenario: Scenario, document: Document) -> None:
+    """Raise ScenarioError for an expectation of what the scenario does not have.
+
+    `document` has the list of expectations at `expect`.
+    """
+    for mistake in expectation_mistakes(scenario):
+        mark = document.mark(mistake.path)
+        raise ScenarioError(f"{mark}: `{dotted(mistake.path)}`: {mistake.text}")
 
 
 def _check_entities(scenario: Scenario, document: Document) -> None:

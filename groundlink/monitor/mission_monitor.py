@@ -12,10 +12,10 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import GROUND_TRUTH, JOINT_GROUP_COMMAND, VITALS, WHEEL_COMMAND
 from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.episode.mission import Mission
-from groundlink.episode.mission_tracker import MissionTracker, wheels_twist, world_box
-from groundlink.messages.base import BusMessage, Command, WheelCommand, floats
+from groundlink.episode.mission_tracker import MissionTracker, commanded_twist, world_box
+from groundlink.messages.base import BusMessage
 from groundlink.messages.ground_truth import Vitals
-from groundlink.messages.navigation import JointState, Odometry
+from groundlink.messages.navigation import Odometry
 from groundlink.scenario import Scenario
 from groundlink.scenario.decoding import decode_scenario
 from groundlink.scenario.schema import Vehicle
@@ -115,8 +115,6 @@ class _VehicleMonitor:
         self._until_seconds = until_seconds
         self.inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_DEPTH)
         self._vehicle, self._of_episode = vehicle, of_episode
-        shafts = vehicle.model.drive.shafts(vehicle.model.wheels)
-        self._shafts = [shaft.name for shaft in shafts if shaft.driven]
         self._epoch_nanos, self._tick = 0, -1
         self.tracker: MissionTracker | None = None
         """None until the first vitals, which tell the time of the run."""
@@ -137,18 +135,9 @@ class _VehicleMonitor:
             seconds = self._seconds(message.stamp_nanos)
             if seconds <= self._until_seconds:
                 self.tracker.moved(seconds, message.position_m, message.orientation)
-        elif isinstance(message, Command):
-            seconds = self._seconds(message.stamp_nanos)
-            self.tracker.commanded(seconds, message.linear_mps[0], message.angular_radps[2])
-        elif isinstance(message, WheelCommand):
-            twist = wheels_twist(self._vehicle.model, message.speeds_radps)
-            self.tracker.commanded(self._seconds(message.stamp_nanos), *twist)
-        elif isinstance(message, JointState):
-            speeds = floats(message.velocities).tolist()
-            of_joints = dict(zip(message.names, speeds, strict=False))
-            if of_wheels := {n: of_joints[n] for n in self._shafts if n in of_joints}:
-                twist = wheels_twist(self._vehicle.model, of_wheels)
-                self.tracker.commanded(self._seconds(message.stamp_nanos), *twist)
+        elif twist := commanded_twist(self._vehicle.model, message):
+            stamp_nanos: int = message.stamp_nanos  # type: ignore[attr-defined]
+            self.tracker.commanded(self._seconds(stamp_nanos), *twist)
 
     def _tracker_of_episode(self, vitals: Vitals) -> MissionTracker:
         """Return the tracker; a new one if vitals are of another episode."""

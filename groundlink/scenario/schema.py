@@ -24,6 +24,7 @@ from groundlink.world.terrain import RoughnessClass, Terrain
 from groundlink.world.weather import Lamps, Sun, Weather
 
 from .every_sensor import Frame, FramePrefix, Name, Rate, RosTopic, SensorSpec
+from .expectations import Expectation
 from .ros_side import FromRos, GatewaySettings, RosNode, Stream, TfTree
 from .route import Route
 from .sensor_kinds import sensor_union
@@ -439,6 +440,9 @@ class Scenario(Spec, frozen=True, kw_only=True):
 
     gateway: GatewaySettings = GatewaySettings()
     """Settings of the gateway to ROS."""
+
+    expect: tuple[Expectation, ...] = ()
+    """Conditions that a run of the scenario passes or fails. `kind` selects the kind of each."""
 
     def sensor(self, name: str) -> tuple[Vehicle, SensorSpec] | None:
         """Return the vehicle and the sensor named `vehicle/sensor`, or None."""

@@ -11,13 +11,22 @@ from pathlib import Path
 from rich.console import Console
 
 from groundlink.cli import Subparsers
+from groundlink.cli.expectations.output import (
+    add_junit_option,
+    check_junit,
+    expectations_table,
+    summary,
+    write_junit,
+)
 from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.json_output import add_json_option, print_json
+from groundlink.cli.terminal.progress import progress
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.core.atomic_file import check_new_file
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.episode.mission import Mission
+from groundlink.expectations.results import problems
 from groundlink.loader import overrides
 from groundlink.messages.base import Health
 from groundlink.monitor import process_commands
@@ -51,17 +60,22 @@ def add_parser(subparsers: Subparsers) -> None:
     running.add_arguments(parser, "scenario's", ros=False)
     overrides.add_argument(parser)
     add_json_option(parser)
+    add_junit_option(parser)
     parser.set_defaults(command=record)
 
 
 def record(options: argparse.Namespace) -> int:
-    """Record a run; return 0 if the file has every declared rate and no vehicle ended badly."""
+    """Record a run; return 0 if it went as it should.
+
+    The file has every declared rate, no vehicle ended badly, and every expectation passed.
+    """
     changes = overrides.field_changes(options.set)
     scenario = running.load_scenario(options.scenario, changes)
     out = Path(options.out)
     if not options.duration > 0:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
     check_new_file("--out", out)
+    check_junit(options)
     run = options.run or scenario.name
     console = terminal.console(stderr=options.json)
     commands = process_commands.commands(scenario, options.scenario, run, options.listen)
@@ -87,12 +101,12 @@ def record(options: argparse.Namespace) -> int:
     def done(health: Health) -> tuple[float, str]:
         return monitor.sim_seconds, f", {health.counters['bytes'] / 1e6:.1f} MB"
 
-    progress = supervised.RecorderProgress(monitor, options.duration, done)
-    failed = supervised_run.go(lambda: recorder.is_done, lambda: progress)
+    shown = supervised.RecorderProgress(monitor, options.duration, done)
+    failed = supervised_run.go(lambda: recorder.is_done, lambda: shown)
     if failed:
         return supervised.exit_code(failed)
     missions = supervised_run.missions.missions()
-    return _verdict(console, out, monitor, missions, as_json=options.json)
+    return _verdict(console, options, monitor, missions)
 
 
 _TOPICS = (
@@ -109,24 +123,27 @@ UNUSUAL = ("/faults/", "/gaps/")
 
 def _verdict(
     console: Console,
-    out: Path,
+    options: argparse.Namespace,
     monitor: RunMonitor,
     missions: Sequence[Mission],
-    *,
-    as_json: bool = False,
 ) -> int:
-    """Show the content of the file and what the vehicles did.
+    """Show the content of the file, what the vehicles did, and the verdicts on expectations.
 
-    Return 1 if a declared rate is missing or a mission ended badly.
+    Return 1 if a declared rate is missing, a mission ended badly or an expectation did not pass.
     """
+    out = Path(options.out)
     with needs("record"):
+        from groundlink.recording.judging import judged
         from groundlink.recording.reader import Recording
 
     if not out.exists():
         console.print("nothing recorded: the run ended before its start")
         return 1
     with Recording(out) as recording:
-        topics = recording.topics
+        topics, scenario = recording.topics, recording.run.scenario
+        with progress("judging expectations") as done:
+            results = judged(recording, scenario, done)
+    write_junit(options, scenario.name, results)
     table = FittingTable(str(out), _TOPICS)
     rows: list[dict[str, object]] = []
     faults = []
@@ -152,13 +169,23 @@ def _verdict(
             f"{health.counters['bus_dropped']} messages dropped: faster than the recorder writes"
         )
     faults += supervised.failures(missions, [mission.vehicle for mission in missions])
-    if as_json:
-        judged = [mission.to_builtins() for mission in missions]
-        print_json({"path": str(out), "topics": rows, "missions": judged, "faults": faults})
+    faults += problems(results)
+    if options.json:
+        content = {
+            "path": str(out),
+            "topics": rows,
+            "missions": [mission.to_builtins() for mission in missions],
+            "expectations": [result.to_builtins() for result in results],
+            "faults": faults,
+        }
+        print_json(content)
         return 1 if faults else 0
     if missions:
         console.print(missions_table(missions))
     console.print(table)
+    if results:
+        console.print(expectations_table(results))
+        terminal.say(console, summary(results))
     supervised.say_faults(console, faults, missions)
     return 1 if faults else 0
 

@@ -214,6 +214,19 @@ MISTAKES = [
     ("model:", "urdf:", 6, ["`vehicles[0].urdf`; did you mean `model`, which is missing?"]),
     ("model:", "modle:", 6, ["`vehicles[0].modle`; did you mean `model`?"]),
     ("rover.yaml", "rover.yaml\n    urdf: a.urdf", 7, ["`vehicles[0].urdf`; expected one of"]),
+    (
+        "seed: 3",
+        "expect:\n  - kind: rate\n    topic: /point\n    at_least_hz: 1",
+        4,
+        ["`expect[0].topic`: no topic `/point`; did you mean `/points`?"],
+    ),
+    ("seed: 3", "expect: [{kind: reaches}]", 2, ["`expect[0].place` is missing"]),
+    (
+        "seed: 3",
+        "expect: [{kind: touches}]",
+        2,
+        ["unknown kind `touches`; did you mean `never_touches`?"],
+    ),
     ("seed: 3", "seed: [3", 3, ["not valid YAML"]),
     ("vehicles:", "vehicels:", 4, ["unknown key `vehicels`", "`vehicles`?"]),
 ]

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Verdict on an expectation."""
+
+from collections.abc import Iterable
+from typing import Any, Literal
+
+import msgspec
+
+Verdict = Literal["passed", "failed", "undecided"]
+
+PASSED: Verdict = "passed"
+FAILED: Verdict = "failed"
+UNDECIDED: Verdict = "undecided"
+
+
+class ExpectationResult(msgspec.Struct, frozen=True, kw_only=True):
+    """Verdict on an expectation, with the figure that decided it."""
+
+    name: str
+    kind: str
+    verdict: Verdict
+    """Undecided: the run was too short, or what is judged was not measured."""
+
+    value: float | None
+    """The measured figure: of a place, the least distance; of a limit, the largest value, or the
+    first one beyond the limit; none: nothing was measured."""
+
+    limit: float
+    unit: str
+    at_s: float | None
+    """Sim time of the value; none: of the whole run, or there is no value."""
+
+    text: str
+    """One line: what happened, when, and what was expected."""
+
+    skipped: bool = False
+    """Whether it cannot be decided in a run of this kind, which is no problem of the run."""
+
+    @property
+    def is_problem(self) -> bool:
+        """Whether a run with this result fails: what was not decided has not passed."""
+        return self.verdict != PASSED and not self.skipped
+
+    @property
+    def line(self) -> str:
+        """The result as one line."""
+        return f"{self.name}: {self.verdict}: {self.text}"
+
+    def to_builtins(self) -> dict[str, Any]:
+        """Return plain data, for JSON."""
+        plain: dict[str, Any] = msgspec.to_builtins(self)
+        return plain
+
+
+def problems(results: Iterable[ExpectationResult]) -> list[str]:
+    """Return the results with which a run fails as lines."""
+    return [result.line for result in results if result.is_problem]

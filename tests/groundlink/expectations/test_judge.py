@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of the bus become results, whatever order the streams come in."""
+
+import random
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.core.frames import quaternion_from_rpy
+from groundlink.expectations.judge import ExpectationJudge
+from groundlink.expectations.results import FAILED, PASSED, UNDECIDED, ExpectationResult
+from groundlink.expectations.trackers import TopicFigures
+from groundlink.messages.base import BusMessage, Command, packed
+from groundlink.messages.ground_truth import Contact, Vitals
+from groundlink.messages.navigation import Odometry, PoseStamped
+
+from .conftest import Expecting
+
+EPOCH = 1_700_000_000 * NANOS
+ZERO3 = (0.0, 0.0, 0.0)
+NO_ERROR = packed(np.zeros(36))
+LEVEL = quaternion_from_rpy(0.0, 0.0, 0.0)
+
+CORNER: dict[str, Any] = {"kind": "reaches", "place": [-2, -4], "within_m": 0.3, "by_s": 7}
+TOUCH: dict[str, Any] = {"kind": "never_touches"}
+POSE = {"kind": "position_error", "topic": "/pose", "at_most_m": 0.1, "origin": "world"}
+AGE = {"kind": "age", "topic": "/odom", "at_most_ms": 60}
+RATE = {"kind": "rate", "topic": "/odom", "at_least_hz": 49}
+FAILS = {"kind": "never_fails"}
+
+Sent = tuple[str, BusMessage]
+
+
+def odometry(tick: int, x_m: float, epoch: int = EPOCH) -> Sent:
+    stamp, place = epoch + tick * TICK_NANOS, (x_m, -4.0, 0.2)
+    message = Odometry(stamp, "world", "base", place, LEVEL, ZERO3, ZERO3, NO_ERROR, NO_ERROR)
+    return "rover/ground_truth", message
+
+
+def pose(tick: int, x_m: float, epoch: int = EPOCH) -> Sent:
+    stamp = epoch + tick * TICK_NANOS
+    return "rover/from_ros/pose", PoseStamped(stamp, "map", (x_m, -4.0, 0.0), LEVEL)
+
+
+def vitals(tick: int, touched: Sequence[str] = (), epoch: int = EPOCH) -> Sent:
+    contacts = tuple(Contact(name, 1.0, tick, 1) for name in touched)
+    return "rover/vitals", Vitals(epoch + tick * TICK_NANOS, "rover", tick, 0.0, 0.0, contacts)
+
+
+def command(tick: int, epoch: int = EPOCH) -> Sent:
+    return "rover/command", Command(epoch + tick * TICK_NANOS, (1.0, 0.0, 0.0), ZERO3)
+
+
+def driven(seconds: int, *, touched: Sequence[str] = (), epoch: int = EPOCH) -> list[Sent]:
+    """Return the messages of a drive to the east at 1 m/s, with a touch at the last instant."""
+    sent = []
+    for tick in range(0, 400 * seconds + 1, 8):
+        x_m = -8.0 + tick / 400
+        if tick % 40 == 0:
+            sent += [
+                vitals(tick, touched if tick == 400 * seconds else (), epoch),
+                command(tick, epoch),
+                pose(tick, x_m + 0.05, epoch),
+            ]
+        sent.append(odometry(tick, x_m, epoch))
+    return sent
+
+
+def feed(judge: ExpectationJudge, sent: Sequence[Sent]) -> None:
+    """Hand over the messages that are needed."""
+    for key, message in sent:
+        if f"groundlink/lab/{key}" in judge.streams:
+            judge.take(f"groundlink/lab/{key}", message)
+
+
+def results(judge: ExpectationJudge, sent: Sequence[Sent]) -> list[ExpectationResult]:
+    feed(judge, sent)
+    judge.finish()
+    return judge.results()
+
+
+def test_only_needed_streams_are_read(expecting: Expecting) -> None:
+    def needed(*fields: dict[str, object]) -> list[str]:
+        judge = ExpectationJudge(expecting(*fields), "lab")
+        return sorted(key.removeprefix("groundlink/lab/rover/") for key in judge.streams)
+
+    assert needed(CORNER) == ["ground_truth", "vitals"]
+    assert needed(POSE) == ["from_ros/pose", "ground_truth", "vitals"]
+    assert needed(FAILS) == ["command", "ground_truth", "vitals"]
+    assert needed(RATE, AGE) == []
+
+
+def test_a_drive_is_judged_in_the_order_of_the_scenario(expecting: Expecting) -> None:
+    judge = ExpectationJudge(expecting(TOUCH, POSE, CORNER, FAILS), "lab")
+    found = results(judge, driven(8, touched=["hall"]))
+    assert [(one.kind, one.verdict) for one in found] == [
+        ("never_touches", FAILED),
+        ("position_error", PASSED),
+        ("reaches", PASSED),
+        ("never_fails", PASSED),
+    ]
+    assert found[0].at_s == 8.0
+    assert found[2].at_s == pytest.approx(5.7)
+    assert found[1].value == pytest.approx(0.05)
+
+
+def test_streams_may_be_delayed_against_each_other(expecting: Expecting) -> None:
+    scenario = expecting(TOUCH, POSE, CORNER)
+    sent = driven(8, touched=["hall"])
+    expected = results(ExpectationJudge(scenario, "lab"), sent)
+    generator = random.Random(1)
+    delays = {key: generator.uniform(0.0, 0.3) for key in {key for key, _ in sent}}
+    late = sorted(sent, key=lambda one: one[1].stamp_nanos / NANOS + delays[one[0]])  # type: ignore[attr-defined]
+    assert late != sent
+    assert results(ExpectationJudge(scenario, "lab"), late) == expected
+
+
+def test_an_episode_is_judged_anew(expecting: Expecting) -> None:
+    judge = ExpectationJudge(expecting(CORNER, TOUCH), "lab")
+    second = EPOCH + 100 * NANOS
+    found = results(judge, [*driven(7, touched=["hall"]), *driven(3, epoch=second)])
+    assert [one.verdict for one in found] == [UNDECIDED, PASSED]
+
+
+@pytest.mark.parametrize(
+    ("fields", "sent", "is_settled"),
+    [
+        ((CORNER, TOUCH), driven(5), False),
+        ((CORNER, TOUCH), driven(6), True),
+        ((CORNER, TOUCH), [vitals(0, ["hall"])], True),
+        ((TOUCH,), driven(6), False),
+        ((CORNER, TOUCH | {"until_s": 8}), driven(6), False),
+        ((CORNER, TOUCH | {"until_s": 8}), driven(9), True),
+    ],
+)
+def test_a_verdict_is_settled_by_a_failure_or_by_all_that_can_pass_early(
+    expecting: Expecting, fields: Sequence[dict[str, Any]], sent: list[Sent], is_settled: bool
+) -> None:
+    judge = ExpectationJudge(expecting(*fields), "lab")
+    feed(judge, sent)
+    assert judge.is_settled == is_settled
+
+
+def test_figures_of_topics(expecting: Expecting) -> None:
+    recorded = ExpectationJudge(expecting(RATE, AGE), "lab")
+    recorded.recorded({"/odom": TopicFigures(50.0), "/other": TopicFigures(1.0)})
+    recorded.finish()
+    rate, age = recorded.results()
+    assert rate.verdict == PASSED
+    assert (age.verdict, age.skipped, age.is_problem) == (UNDECIDED, True, False)
+
+    live = ExpectationJudge(expecting(RATE, AGE), "lab")
+    live.reported(0.0, {})
+    live.finish()
+    assert [(one.verdict, one.is_problem) for one in live.results()] == [(UNDECIDED, True)] * 2
+
+    live = ExpectationJudge(expecting(RATE, AGE), "lab")
+    live.reported(5.0, {"/odom": TopicFigures(50.0, 0.01)})
+    live.reported(6.0, {"/odom": TopicFigures(50.0, 0.09)})
+    live.finish()
+    assert [one.verdict for one in live.results()] == [PASSED, FAILED]
+    assert live.results()[1].at_s == 6.0
