@@ -6,6 +6,7 @@ import argparse
 from groundlink.core import VERSION
 
 from .bisect import command as bisect
+from .expectations import judge
 from .files import (
     check,
     completion,
@@ -32,7 +33,7 @@ GROUPS = {
     "start a run": (demo, up, record, replay, snapshot, sweep, bisect),
     "look at a run": (top, view),
     "control a run": (drive, control, save, spawn, fault, link),
-    "use a recording": (report, verify, resim, export, convert, fit),
+    "use a recording": (report, judge, verify, resim, export, convert, fit),
     "write a scenario": (new, check, try_vehicle, explain, sensors, topics, schema, world),
     "set up": (compose, secure, completion),
 }

@@ -42,6 +42,13 @@ class ExpectationResult(msgspec.Struct, frozen=True, kw_only=True):
         return self.verdict != PASSED and not self.skipped
 
     @property
+    def cells(self) -> tuple[str, str, str, str, str]:
+        """Name, verdict, value, limit and text as texts, for tables."""
+        verdict = "skipped" if self.skipped else self.verdict
+        value = "-" if self.value is None else f"{self.value:.3g} {self.unit}"
+        return self.name, verdict, value, f"{self.limit:.6g} {self.unit}", self.text
+
+    @property
     def line(self) -> str:
         """The result as one line."""
         return f"{self.name}: {self.verdict}: {self.text}"
@@ -50,6 +57,10 @@ class ExpectationResult(msgspec.Struct, frozen=True, kw_only=True):
         """Return plain data, for JSON."""
         plain: dict[str, Any] = msgspec.to_builtins(self)
         return plain
+
+
+COLUMNS = ("expectation", "verdict", "value", "limit", "what happened")
+"""Titles of `ExpectationResult.cells`."""
 
 
 def problems(results: Iterable[ExpectationResult]) -> list[str]:

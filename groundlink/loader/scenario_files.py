@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec.structs import replace
 
 from groundlink.core.errors import did_you_mean
 from groundlink.importing.file_errors import Warn, ignore_warning
 from groundlink.loader.namespaces import into_namespaces
+from groundlink.scenario.expectations import Expectation
 from groundlink.scenario.route import FIGURES, Route
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.sensor_kinds import (
@@ -24,7 +26,7 @@ from groundlink.scenario.sensor_kinds import (
 
 from . import urdf
 from .asset_import import import_assets
-from .checks import check_scenario, check_speeds
+from .checks import check_expectations, check_scenario, check_speeds
 from .document import DataPath, Document, ScenarioError, read
 from .material_library import with_library_materials
 from .overrides import FieldChange
@@ -44,6 +46,12 @@ class _RouteFile(msgspec.Struct):
     """Schema of a route outside of a scenario; errors then name `route`."""
 
     route: Route
+
+
+class _ExpectationsFile(msgspec.Struct):
+    """Schema of a list of expectations, beside whatever else a file has."""
+
+    expect: tuple[Expectation, ...]
 
 
 def load(
@@ -143,6 +151,20 @@ def load_route(given: str, vehicle: Vehicle) -> Route:
     route = convert(document, _RouteFile).route
     check_speeds(route, vehicle.model, document, ("route",))
     return route
+
+
+def with_expectations(scenario: Scenario, given: str) -> Scenario:
+    """Return a scenario with the expectations of another scenario's file, or of one with a list.
+
+    Raises
+    ------
+    ScenarioError
+        as `load` does; also if an expectation does not fit the scenario.
+    """
+    document = read(scenario_file(given))
+    changed = replace(scenario, expect=convert(document, _ExpectationsFile).expect)
+    check_expectations(changed, document)
+    return changed
 
 
 def _follow_references(document: Document, warn: Warn) -> None:

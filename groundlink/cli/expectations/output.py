@@ -9,15 +9,10 @@ from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.expectations.junit import junit
-from groundlink.expectations.results import FAILED, PASSED, ExpectationResult
+from groundlink.expectations.results import COLUMNS, FAILED, PASSED, ExpectationResult
 
-_COLUMNS = (
-    Column("expectation", "words"),
-    Column("verdict", "text"),
-    Column("value", omit_order=2),
-    Column("limit", omit_order=1),
-    Column("what happened", "words"),
-)
+_KINDS = ("words", "text", "number", "number", "words")
+_COLUMNS = [Column(title, kind) for title, kind in zip(COLUMNS, _KINDS, strict=True)]
 
 
 def add_junit_option(parser: argparse.ArgumentParser) -> None:
@@ -55,11 +50,8 @@ def expectations_table(results: Iterable[ExpectationResult]) -> FittingTable:
     """Return the table of expectations with their verdicts."""
     table = FittingTable("expectations", _COLUMNS)
     for result in results:
-        value = "-" if result.value is None else f"{result.value:.3g} {result.unit}"
         style = "red" if result.verdict == FAILED else "yellow" if result.is_problem else ""
-        verdict = "skipped" if result.skipped else result.verdict
-        limit = f"{result.limit:.6g} {result.unit}"
-        table.add_row(result.name, verdict, value, limit, result.text, style=style)
+        table.add_row(*result.cells, style=style)
     return table
 
 

@@ -9,9 +9,11 @@ from collections.abc import Iterable, Sequence
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from groundlink.cli.expectations.output import expectations_table
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.episode.fault_messages import kinds_in
 from groundlink.episode.mission import Mission
+from groundlink.expectations.results import ExpectationResult
 from groundlink.messages import missing_readings
 from groundlink.messages.base import NOT_REPORTED, StreamReport
 from groundlink.monitor.run_monitor import RunMonitor, keeps_rate
@@ -19,7 +21,11 @@ from groundlink.monitor.supervisor import Child
 
 
 def dashboard(
-    title: str, monitor: RunMonitor, children: Iterable[Child], missions: Sequence[Mission] = ()
+    title: str,
+    monitor: RunMonitor,
+    children: Iterable[Child],
+    missions: Sequence[Mission] = (),
+    expectations: Sequence[ExpectationResult] = (),
 ) -> RenderableType:
     """Return the status of a run as tables."""
     factor = monitor.real_time_factor
@@ -27,8 +33,10 @@ def dashboard(
     head = Text(f"{title}   sim time {monitor.sim_seconds:.1f} s   {pace}", style="bold")
     if stalls := str(monitor.stalls):
         head.append(f"\n{stalls}", style="yellow")
-    tables = (streams_table(monitor.streams), _processes(monitor, children))
-    return Group(head, *([missions_table(missions)] if missions else []), *tables)
+    tables = [missions_table(missions)] if missions else []
+    tables += [expectations_table(expectations)] if expectations else []
+    tables += [streams_table(monitor.streams), _processes(monitor, children)]
+    return Group(head, *tables)
 
 
 _STREAMS = (

@@ -21,6 +21,7 @@ from groundlink.core import VERSION
 from groundlink.core.errors import UserError
 from groundlink.episode.mission import Mission
 from groundlink.messages.base import Health
+from groundlink.monitor.expectation_monitor import ExpectationMonitor
 from groundlink.monitor.mission_monitor import MissionMonitor
 from groundlink.monitor.run_monitor import RunMonitor
 from groundlink.monitor.supervisor import EXPLAINED, Child, Supervisor
@@ -57,6 +58,8 @@ class SupervisedRun:
         processes without which the run continues.
     missions
         monitor of the vehicles; it receives the messages of the run.
+    expectations
+        monitor of the scenario's expectations; it receives messages of the run, too.
     """
 
     def __init__(
@@ -69,9 +72,11 @@ class SupervisedRun:
         finite: Collection[str] = (),
         dispensable: Collection[str] = (),
         missions: MissionMonitor | None = None,
+        expectations: ExpectationMonitor | None = None,
     ) -> None:
         self.monitor = RunMonitor()
         self.missions = missions or MissionMonitor()
+        self.expectations = expectations or ExpectationMonitor()
         self.killed: list[str] = []
         """Processes that did not exit in time."""
         self._run, self._endpoint, self._shown = run, endpoint, shown
@@ -110,6 +115,7 @@ class SupervisedRun:
             inbox: BusInbox[Health] = BusInbox(depth=1024)
             bus.subscribe(HEALTH.key_in(self._run), Health, inbox)
             self.missions.subscribe(bus, self._run)
+            self.expectations.subscribe(bus)
             try:
                 self._supervisor.start()
                 shown = display(self._shown, lambda: self._with_lines(picture()))
@@ -135,6 +141,7 @@ class SupervisedRun:
             "stalls": dataclasses.asdict(monitor.stalls),
             "faults": faults,
             "missions": [mission.to_builtins() for mission in self.missions.missions()],
+            "expectations": [result.to_builtins() for result in self.expectations.results()],
             "streams": [msgspec.to_builtins(stream) for stream in monitor.streams],
             "processes": {
                 name: {
@@ -155,11 +162,17 @@ class SupervisedRun:
         while not (failed or self._stop.is_set() or is_over()):
             failed = self._supervisor.poll()
             self._update_monitor(inbox)
-            self.missions.update()
+            self._update_verdicts()
             show(False)
-        self.missions.update()  # Not later: processes end one after the other.
+        self._update_verdicts()  # Not later: processes end one after the other.
+        self.expectations.finish()
         show(True)
         return self.children[failed] if failed else None
+
+    def _update_verdicts(self) -> None:
+        """Process the messages that verdicts are made of."""
+        self.missions.update()
+        self.expectations.update(self.monitor)
 
     def _update_monitor(self, inbox: BusInbox[Health]) -> None:
         """Pass waiting health messages to the monitor; wait briefly for the first."""

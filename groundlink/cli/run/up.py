@@ -4,12 +4,13 @@
 import argparse
 import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rich.console import Console
 
 from groundlink.cli import Subparsers
+from groundlink.cli.expectations.output import add_junit_option, check_junit, write_junit
 from groundlink.cli.run.dashboard import dashboard
 from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.json_output import add_json_option, print_json
@@ -17,12 +18,13 @@ from groundlink.core.atomic_file import check_new_file, write_atomically
 from groundlink.core.errors import UserError
 from groundlink.episode import journal
 from groundlink.episode.mission import Mission
+from groundlink.expectations.results import problems
 from groundlink.loader import overrides, time_options
 from groundlink.messages.base import NOT_REPORTED
 from groundlink.monitor import process_commands
+from groundlink.monitor.expectation_monitor import ExpectationMonitor
 from groundlink.monitor.mission_monitor import MissionMonitor
 from groundlink.monitor.run_monitor import RunMonitor
-from groundlink.monitor.supervisor import Child
 
 from . import running, supervised
 
@@ -49,6 +51,13 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     running.add_arguments(parser, "scenario's")
     add_json_option(parser, "print the report of the run as JSON; tables go to stderr")
+    add_junit_option(parser)
+    parser.add_argument(
+        "--until-decided",
+        action="store_true",
+        help="stop as soon as one of the scenario's expectations has failed, or all that can pass "
+        "before the end of the run have passed",
+    )
     parser.add_argument(
         "--sensors-together",
         action="store_true",
@@ -69,7 +78,7 @@ def up(options: argparse.Namespace) -> int:
     """Run a scenario until Ctrl-C or `--duration`; return 0 if it went as it should.
 
     Every declared rate was kept. No vehicle ended stuck, tipped over, falling or off the map, if it
-    has a route or the run a duration.
+    has a route or the run a duration. Every expectation of the scenario passed.
     """
     if journal.is_saved_run(file := Path(options.scenario)):
         described = journal.loaded(journal.read(file), options.scenario).remaining_scenario()
@@ -85,6 +94,11 @@ def up(options: argparse.Namespace) -> int:
         raise UserError(f"--report {options.report}: no such folder: {options.report.parent}")
     if options.record:
         check_new_file("--record", Path(options.record))
+    check_junit(options)
+    if options.until_decided and not scenario.expect:
+        raise UserError(
+            f"--until-decided: {options.scenario} has no expectations. Fix: add `expect`"
+        )
     run = options.run or scenario.name
     console = terminal.console(stderr=options.json)
     commands = process_commands.commands(
@@ -107,16 +121,18 @@ def up(options: argparse.Namespace) -> int:
         finite=[running.VIEWER],  # The run continues after its window was closed.
         dispensable=dispensable,
         missions=MissionMonitor(scenario),
+        expectations=ExpectationMonitor(scenario, run),
     )
     monitor, children = supervised_run.monitor, supervised_run.children
-    missions = supervised_run.missions.missions
+    missions, expectations = supervised_run.missions.missions, supervised_run.expectations
     title = f"{scenario.name} (run `{run}`)"
     started = time.time()
+    duration = Duration(
+        monitor, options.duration, needs_reports=not options.no_ros, say=supervised_run.log
+    )
     failed = supervised_run.go(
-        Duration(
-            monitor, options.duration, needs_reports=not options.no_ros, say=supervised_run.log
-        ).is_over,
-        lambda: dashboard(title, monitor, children.values(), missions()),
+        lambda: duration.is_over() or (options.until_decided and expectations.is_settled),
+        lambda: dashboard(title, monitor, children.values(), missions(), expectations.results()),
     )
     if supervised_run.killed:
         names = ", ".join(supervised_run.killed)
@@ -131,7 +147,11 @@ def up(options: argparse.Namespace) -> int:
         faults.append(f"{options.record}: incomplete; see the error line of the recorder above")
     judged = [vehicle.name for vehicle in scenario.vehicles if options.duration or vehicle.route]
     faults += supervised.failures(missions(), judged)
-    _summarize(console, monitor, children, missions(), faults)
+    results = expectations.results()
+    faults += problems(results)
+    write_junit(options, scenario.name, results)
+    console.print(dashboard("summary", monitor, children.values(), missions(), results))
+    _summarize(console, monitor, missions(), faults)
     report = supervised_run.report(scenario, started, faults)
     if options.json:
         print_json(report)
@@ -203,11 +223,9 @@ class Duration:
 def _summarize(
     console: Console,
     monitor: RunMonitor,
-    children: Mapping[str, Child],
     missions: Sequence[Mission],
     faults: list[str],
 ) -> None:
-    console.print(dashboard("summary", monitor, children.values(), missions))
     supervised.say_faults(console, faults, missions)
     if monitor.streams and not monitor.is_reported:
         line = f"{NOT_REPORTED}: the ROS side sent no TopicReport"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Analysis of a recording in one pass.
+"""Analysis of a recording in one pass, and in another one that judges expectations.
 
 Of each topic only what the page shows is decoded: one cloud of each LiDAR, every n-th sample of an
 IMU. Memory does not grow with the file.
@@ -16,7 +16,9 @@ from rosbags.serde import SerdeError
 from groundlink.core.clock import NANOS
 from groundlink.episode.mission import Mission
 from groundlink.episode.mission_tracker import MissionTracker, world_box
+from groundlink.expectations.results import ExpectationResult
 from groundlink.messages.ground_truth import Vitals
+from groundlink.recording.judging import judged
 from groundlink.recording.metadata import RunFacts
 from groundlink.recording.reader import RecordedMessage, Recording
 from groundlink.report.analysis.thumbnails import IMAGE_TYPES, CameraThumbnails
@@ -58,6 +60,9 @@ class RunSummary:
     missions: list[Mission]
     """Verdicts on the vehicles whose ground truth was recorded."""
 
+    expectations: list[ExpectationResult]
+    """Verdicts on the expectations of the scenario."""
+
     readings: dict[str, list[Readings]]
     """Plotted readings by vehicle."""
 
@@ -89,6 +94,7 @@ def gather(recording: Recording, progress: Callable[[float], object]) -> RunSumm
     progress(1.0)
     missions = [tracker.mission() for tracker in taking.trackers]
     taking.gathered.missions = [mission for mission in missions if mission.seconds]
+    taking.gathered.expectations = judged(recording, recording.run.scenario)
     return taking.gathered
 
 
@@ -115,6 +121,7 @@ class _Taking:
             motions=[],
             energies=[],
             missions=[],
+            expectations=[],
             readings={},
             cameras=[],
             failures=[],

@@ -48,6 +48,9 @@ def key_figures(run: RunSummary) -> dict[str, float]:
                 error_m = reading.beside(truth)[:, 3]
                 figures[f"{reading.topic} error RMS m"] = float(np.sqrt(np.mean(error_m**2)))
                 figures[f"{reading.topic} error max m"] = float(error_m.max())
+    for result in run.expectations:
+        if result.value is not None:
+            figures[f"{result.name} {result.unit}"] = result.value
     for stream in run.completeness:
         missing = stream.missing()
         del missing[IN_TRANSIT]

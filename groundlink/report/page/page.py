@@ -16,6 +16,7 @@ import yaml
 
 from groundlink.core.clock import NANOS
 from groundlink.episode.routes import line
+from groundlink.expectations.results import COLUMNS
 from groundlink.messages.base import NOT_REPORTED
 from groundlink.messages.missing_readings import CAUSES as MISSING_CAUSES
 from groundlink.messages.missing_readings import in_words
@@ -70,6 +71,7 @@ def page(run: RunSummary) -> str:
     level = scenario.world.terrain is None
     around = outlines(solids(scenario), level=level)
     sections = [
+        _expectations(run),
         _missions(run),
         _trajectory(run, around),
         *_vehicles(run, span),
@@ -112,6 +114,15 @@ def _facts(run: RunSummary) -> Markup:
     facts.append((f"{run.messages:,}".replace(",", "\u202f"), "messages"))
     facts.append((f"{run.size_bytes / 1e6:.1f} MB", "on disk"))
     return tiles(facts)
+
+
+def _expectations(run: RunSummary) -> Markup:
+    """Return the verdicts on the expectations of the scenario."""
+    results = run.expectations
+    rows = [result.cells for result in results]
+    bad = [number for number, result in enumerate(results) if result.is_problem]
+    shown = table(COLUMNS, rows, numbers=(2, 3), code=(0,), bad=bad)
+    return section("Expectations", shown) if results else Markup("")
 
 
 def _missions(run: RunSummary) -> Markup:

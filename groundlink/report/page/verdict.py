@@ -6,6 +6,7 @@ A run is fine only if no bar of the page is orange or red.
 
 from collections.abc import Sequence
 
+from groundlink.expectations.results import problems as expectation_problems
 from groundlink.messages.missing_readings import in_words
 from groundlink.monitor.run_monitor import RATE_TOLERANCE
 from groundlink.report.analysis.completeness import IN_TRANSIT, StreamCompleteness
@@ -20,8 +21,12 @@ SPANS = 3
 
 
 def problems(run: RunSummary) -> list[str]:
-    """Return the problems of a run as lines; how missions ended badly comes first."""
-    lines = [line for mission in run.missions for line in mission.problems()]
+    """Return the problems of a run as lines.
+
+    Expectations that did not pass come first, then how missions ended badly.
+    """
+    lines = expectation_problems(run.expectations)
+    lines += [line for mission in run.missions for line in mission.problems()]
     for stream in run.streams:
         if not keeps_rate(stream):
             measured = "none" if stream.measured_hz is None else f"{stream.measured_hz:.2f} Hz"
@@ -86,5 +91,8 @@ def verdict(run: RunSummary) -> Markup:
             "without a gap, every vehicle followed its commands, and nothing was touched.</div>"
         )
     items = "".join(f"<li>{text(fault)}</li>" for fault in found)
-    kind = "failed" if any(mission.ending for mission in run.missions) else "bad"
+    is_failed = any(mission.ending for mission in run.missions) or any(
+        result.is_problem for result in run.expectations
+    )
+    kind = "failed" if is_failed else "bad"
     return Markup(f'<div class="verdict {kind}">Problems:<ul>{items}</ul></div>')

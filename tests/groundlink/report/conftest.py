@@ -26,6 +26,7 @@ from groundlink.recording.ros_channels import RosFile
 from groundlink.report.analysis.gather import RunSummary, gather
 from groundlink.ros.cdr import CODECS, to_cdr
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, diagnostics
+from groundlink.scenario.expectations import NeverTouches
 from groundlink.scenario.ros_side import Stream
 
 EPOCH = 1_700_000_000 * NANOS
@@ -90,7 +91,12 @@ def write(path: Path) -> Path:
         Stream(name="camera", kind="image", topic="/camera/image", rate_hz=5.0),
         Stream(name="jpeg", kind="compressed_image", topic="/camera/jpeg", rate_hz=5.0),
     )
-    scenario = replace(lab, description=EVIL, vehicles=(replace(lab.vehicles[0], streams=cameras),))
+    scenario = replace(
+        lab,
+        description=EVIL,
+        vehicles=(replace(lab.vehicles[0], streams=cameras),),
+        expect=(NeverTouches(), NeverTouches(name="hit", allowed=("table_3",))),
+    )
     records: list[tuple[int, str, BusMessage]] = []
     records += [(s, "/ground_truth/odom", odometry(s)) for s in stamps(50)]
     records += [(s, "/vitals", vitals(s)) for s in stamps(10)]

@@ -13,6 +13,8 @@ def test_figures_are_those_of_the_page(gathered: RunSummary) -> None:
     assert figures["driven m"] == pytest.approx(SPEED_MPS * SECONDS, rel=0.01)
     assert figures["top speed m/s"] == SPEED_MPS
     assert figures["contacts"] == 1
+    assert figures["never_touches objects"] == 1.0
+    assert figures["hit objects"] == 0.0
     assert figures["stuck s"] == 0.0
     assert figures["motor work J"] == pytest.approx(50 * SECONDS, rel=0.1)
     (imu,) = (stream for stream in gathered.completeness if stream.topic == "/imu")

@@ -35,6 +35,7 @@ def run_of(gathered: RunSummary, stream: StreamTimes) -> RunSummary:
         **{"streams": [stream], "first_nanos": gathered.run.epoch_nanos, "diagnostics": quiet},
         **{"completeness": [], "failures": [], "energies": [], "undecodable": 0},
         missions=[],
+        expectations=[],
     )
 
 
@@ -77,6 +78,15 @@ def test_of_many_times_some_are_named(gathered: RunSummary) -> None:
     assert line.endswith("from 4.0 to 5.0 s and 1 more")
 
 
+def test_an_expectation_that_did_not_pass_comes_first_and_makes_the_page_red(
+    gathered: RunSummary,
+) -> None:
+    run = replace(run_of(gathered, track(every(0, 8))), expectations=gathered.expectations)
+    assert problems(run)[0] == "never_touches: failed: touched `table_3_leg_1` at 3.00 s"
+    assert len(problems(run)) == 2
+    assert "verdict failed" in verdict(run)
+
+
 def test_a_rover_that_stands_still_for_17_of_20_seconds_gets_a_red_page(
     gathered: RunSummary,
 ) -> None:
@@ -89,7 +99,7 @@ def test_a_rover_that_stands_still_for_17_of_20_seconds_gets_a_red_page(
     assert stuck.startswith("rover: stuck at x 1.")
     assert drove == "rover drove 1.5 of 9.9 m commanded"
     assert 'class="verdict failed"' in verdict(run)
-    content = page(replace(gathered, missions=run.missions))
+    content = page(replace(gathered, missions=run.missions, expectations=[]))
     (row,) = re.findall("<tr class=bad>.*</tr>", content)
     assert "stuck" in row
     assert content.count(f"<p>{text(stuck)}</p>") == 1
