@@ -27,10 +27,11 @@ from .files import (
     world,
 )
 from .run import control, demo, drive, fault, link, record, replay, save, spawn, sweep, top, up
+from .search import search
 from .sheets import fit, sensors
 
 GROUPS = {
-    "start a run": (demo, up, record, replay, snapshot, sweep, bisect),
+    "start a run": (demo, up, record, replay, snapshot, sweep, search, bisect),
     "look at a run": (top, view),
     "control a run": (drive, control, save, spawn, fault, link),
     "use a recording": (report, judge, verify, resim, export, convert, fit),

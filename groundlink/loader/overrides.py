@@ -72,12 +72,12 @@ class FieldChange:
         document.put(path, Document(copy.deepcopy(self.value), {(): document.mark(path)}))
 
     def located(self, document: Document) -> DataPath:
-        """Return the path in a document.
+        """Return the path of the field in a document.
 
         Raises
         ------
         UserError
-            when there is no such element.
+            when there is no such vehicle or element of a list.
         """
         steps = self.field.split(".")
         path: DataPath = ()

@@ -108,7 +108,7 @@ def resolved(
     ScenarioError
         as `load` does.
     """
-    _follow_references(document, warn)
+    follow_references(document, warn)
     for change in changes:
         change.apply(document)
     import_assets(document, warn)
@@ -167,8 +167,14 @@ def with_expectations(scenario: Scenario, given: str) -> Scenario:
     return changed
 
 
-def _follow_references(document: Document, warn: Warn) -> None:
-    """Replace every reference by its target."""
+def follow_references(document: Document, warn: Warn = ignore_warning) -> None:
+    """Replace every reference by its target.
+
+    Raises
+    ------
+    ScenarioError
+        when a file is missing or cannot be read.
+    """
     _include(document, ("world",), "worlds")
     for v, vehicle in enumerate(_sequence(document.at(("vehicles",)))):
         here: DataPath = ("vehicles", v)

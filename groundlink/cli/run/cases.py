@@ -33,12 +33,18 @@ def record_case(scenario: str, case: Case, recording: Path, duration: str | None
     duration
         sim time, s; None: that of `record`.
     """
+    words = record_command(scenario, case, recording, duration)
+    if sys.stderr.isatty():
+        words.append("--json")  # draws its progress bar on stderr
+    return exit_code(words, stdout=subprocess.DEVNULL)
+
+
+def record_command(scenario: str, case: Case, recording: Path, duration: str | None) -> list[str]:
+    """Return the command line that records a case, as `record_case` takes it."""
     words = ["record", scenario, "--out", str(recording), "--listen", free_endpoint()]
     words += ["--duration", duration] if duration else []
     words += [word for change in case for word in ("--set", change.text)]
-    if sys.stderr.isatty():
-        words.append("--json")  # draws its progress bar on stderr
-    return exit_code([sys.executable, "-m", "groundlink", *words], stdout=subprocess.DEVNULL)
+    return [sys.executable, "-m", "groundlink", *words]
 
 
 def check_recording(command: str, recording: Path) -> tuple[str, int]:

@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`groundlink search SCENARIO --vary ... --budget N --out FOLDER`: find values that make it fail.
+
+Each point is a recording of its own. The first failure is shrunk to the smallest change of the
+scenario that still fails, which is written as a scenario and recorded again.
+"""
+
+import argparse
+import shlex
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+from rich.console import Console
+
+from groundlink.cli import Subparsers
+from groundlink.cli.run.running import load_scenario
+from groundlink.cli.terminal import output as terminal
+from groundlink.cli.terminal.json_output import print_json
+from groundlink.cli.terminal.progress import progress
+from groundlink.core.atomic_file import write_atomically
+from groundlink.core.errors import UserError, did_you_mean
+from groundlink.core.extras import needs
+from groundlink.loader import load
+from groundlink.loader.changed_scenario import changed_text, value_of
+from groundlink.loader.overrides import FieldChange
+from groundlink.search.point_journal import PointJournal, PointOutcome, PointRow, Values
+from groundlink.search.rounds import SEARCH, searched
+from groundlink.search.sampler import EvenSampler, OptunaSampler, Sampler
+from groundlink.search.shrinking import shrunk
+from groundlink.search.space import FORM, NumberRange, Point, Space, nearness, point_text, space
+
+from .evaluation import EvaluationRequest
+from .point_processes import PointProcesses, evaluate_alone
+from .result_folder import add_arguments, check_options, identity, opened_journal
+
+if TYPE_CHECKING:
+    from groundlink.report.page.search_page import MinimalFailure
+
+SCENARIO_FILE, RECORDING, PAGE = "minimal.yaml", "minimal.mcap", "search.html"
+
+AGAIN = "again"
+"""Stage of the second run of the smallest failure."""
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command to the command line."""
+    parser = subparsers.add_parser(
+        "search",
+        help="look for values of fields with which a scenario fails; shrink the failure",
+        description="Record a scenario with many values of its fields until a run or its check "
+        "fails. Then put back what is not needed for the failure, and write the rest as a scenario "
+        "that fails.",
+    )
+    add_arguments(parser)
+    parser.add_argument(
+        "--vary",
+        action="append",
+        required=True,
+        metavar="FIELD=VALUES",
+        help=f"values of a field: {FORM}; repeatable",
+    )
+    parser.add_argument(
+        "--budget", type=int, required=True, metavar="N", help="most points to search"
+    )
+    parser.add_argument(
+        "--objective",
+        metavar="FIGURE|COMMAND",
+        help="key figure to make small, or shell command that prints it, called like --check "
+        "(default: points are spread evenly)",
+    )
+    parser.add_argument("--maximize", action="store_true", help="make the objective large")
+    parser.add_argument(
+        "--keep-going", action="store_true", help="search the whole budget after a failure, too"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=1, metavar="S", help="seed of the search (default %(default)s)"
+    )
+    parser.set_defaults(command=search)
+
+
+def search(options: argparse.Namespace) -> int:
+    """Search, shrink and report; return 1 if a point failed."""
+    with needs("search"):
+        from groundlink.data.point_table import CSV, PARQUET, write_point_table
+        from groundlink.report.page.search_page import SearchSummary, search_page
+
+    check_options(options)
+    if options.budget < 1:
+        raise UserError(f"--budget {options.budget}: expected 1 or more")
+    if options.maximize and not options.objective:
+        raise UserError("--maximize: needs --objective")
+    whole = space(options.vary)
+    scenario = load_scenario(options.scenario)
+    origin = {f.name: value_of(f.name, options.scenario, scenario) for f in whole.fields}
+    _check_values(options.scenario, whole)
+    names = ("vary", "check", "duration", "objective", "maximize", "keep_going", "seed", "jobs")
+    console = terminal.console(stderr=options.json)
+    with opened_journal(options.out, identity(options, scenario, *names)) as journal:
+        minimal = _SearchRun(options, whole, origin, journal, console).minimal_failure()
+        rows = [
+            msgspec.structs.replace(row, values=origin | row.values)
+            for row in journal.rows
+            if row.stage != AGAIN
+        ]
+    summary = SearchSummary(
+        options.scenario, whole, origin, rows, options.objective, options.maximize, minimal
+    )
+    write_point_table(options.out, rows)
+    with write_atomically(options.out / PAGE) as part:
+        part.write_text(search_page(summary), encoding="utf-8")
+    files = ", ".join(str(options.out / name) for name in (PAGE, PARQUET, CSV))
+    terminal.say(console, f"wrote {files}")
+    if options.json:
+        print_json({"points": rows, "minimal": minimal})
+    return 1 if summary.failures else 0
+
+
+class _SearchRun:
+    """A search: evaluates points, and says the outcome of each.
+
+    Parameters
+    ----------
+    origin
+        the scenario's values of the varied fields.
+    """
+
+    def __init__(
+        self,
+        options: argparse.Namespace,
+        whole: Space,
+        origin: Mapping[str, Any],
+        journal: PointJournal,
+        console: Console,
+    ) -> None:
+        self._options, self._space, self._origin = options, whole, origin
+        self._journal, self._console = journal, console
+        self._request = EvaluationRequest(
+            options.scenario,
+            recording="",
+            duration=options.duration,
+            check=options.check,
+            objective=options.objective,
+        )
+
+    def minimal_failure(self) -> "MinimalFailure | None":
+        """Search; return the smallest failure of changed fields, None if there is none."""
+        options = self._options
+        with PointProcesses(
+            self._journal, self._request, field_changes, options.jobs, options.out
+        ) as processes:
+            if self._fails_unchanged(processes):
+                self._say("the scenario fails without a change; nothing to search")
+                return None
+            self._search(processes)
+            failures = [
+                row.values
+                for row in self._journal.rows
+                if row.stage == SEARCH and row.outcome.verdict == "failed"
+            ]
+            if not failures:
+                return None
+            nearest = min(failures, key=lambda p: nearness(p, self._origin, self._space))
+            with progress("shrinking"):
+                point = shrunk(
+                    nearest, self._origin, self._space, lambda p: self._fails(processes, p)
+                )
+        return self._repeated(point)
+
+    def _fails_unchanged(self, processes: PointProcesses) -> bool:
+        """Run the scenario itself."""
+        outcome = self._evaluated(processes, "scenario", {})
+        objective = self._options.objective
+        if outcome.verdict == "broken":
+            self._journal.discard()
+            raise UserError(f"{self._options.scenario}: no result without a change: {outcome.text}")
+        if objective and outcome.objective is None:
+            self._journal.discard()
+            raise UserError(
+                f"--objective {objective}: neither a key figure nor a command that prints a "
+                f"number; {did_you_mean(objective, outcome.figures)}"
+            )
+        return outcome.verdict == "failed"
+
+    def _search(self, processes: PointProcesses) -> None:
+        """Evaluate points until one fails, or all of the budget."""
+        options = self._options
+        sampler: Sampler = EvenSampler(self._space, options.seed)
+        if options.objective:
+            sampler = OptunaSampler(self._space, options.seed, maximize=options.maximize)
+        with progress("searching") as done:
+            for number, point, outcome in searched(
+                sampler, processes, options.budget, options.jobs, keep_going=options.keep_going
+            ):
+                self._say_outcome(f"{number} of {options.budget}", point, outcome)
+                done(number / options.budget)
+
+    def _fails(self, processes: PointProcesses, point: Point) -> bool:
+        """Return whether a point fails, for shrinking."""
+        return self._evaluated(processes, "shrink", point).verdict == "failed"
+
+    def _evaluated(self, processes: PointProcesses, stage: str, point: Point) -> PointOutcome:
+        number = 1 + sum(row.stage == stage for row in self._journal.rows)
+        processes.start(stage, number, point)
+        outcome = processes.result(point)
+        self._say_outcome(stage, point, outcome)
+        return outcome
+
+    def _repeated(self, point: Point) -> "MinimalFailure":
+        """Write the smallest failure as a scenario, and run that."""
+        from groundlink.report.page.search_page import MinimalFailure
+
+        out = self._options.out
+        file, recording = out / SCENARIO_FILE, out / RECORDING
+        changes = field_changes(point)
+        with write_atomically(file) as part:
+            part.write_text(
+                f"# {self._options.scenario} with {point_text(point)}\n"
+                + changed_text(self._options.scenario, changes, out),
+                encoding="utf-8",
+            )
+        outcome = self._journal.outcome({AGAIN: point})
+        if outcome is None or not recording.exists():
+            request = msgspec.structs.replace(
+                self._request, scenario=str(file), recording=str(recording)
+            )
+            outcome = evaluate_alone(request)
+            self._journal.add(PointRow(AGAIN, 1, {AGAIN: point}, outcome))
+        again = "fails again" if outcome.verdict == "failed" else "does not fail again"
+        self._say(f"smallest failure: {point_text(point)}: {again}: {outcome.text}")
+        self._say(f"wrote {file}, {recording}")
+        words = ["groundlink", "record", str(file), "--out", "again.mcap"]
+        words += ["--duration", self._options.duration] if self._options.duration else []
+        return MinimalFailure(point, outcome, shlex.join(words))
+
+    def _say_outcome(self, what: str, point: Point, outcome: PointOutcome) -> None:
+        changes = point_text(point) or "no change"
+        figure = "" if outcome.objective is None else f", objective {outcome.objective:.5g}"
+        self._say(f"{what}: {changes}: {outcome.verdict}{figure}: {outcome.text}")
+
+    def _say(self, line: str) -> None:
+        terminal.say(self._console, line)
+
+
+def field_changes(values: Values) -> list[FieldChange]:
+    """Return the changes of a scenario at a point."""
+    return [FieldChange(name, value) for name, value in values.items()]
+
+
+def _check_values(scenario: str, whole: Space) -> None:
+    """Load the scenario with the ends of each range and each value of a list.
+
+    Raises
+    ------
+    UserError
+        if it has no such field, or refuses a value.
+    """
+    for field in whole.fields:
+        is_range = isinstance(field, NumberRange)
+        for index in (0, field.count - 1) if is_range else range(field.count):
+            load(scenario, changes=field_changes({field.name: field.value(index)}))
