@@ -6,14 +6,20 @@ stay CDR.
 """
 
 import struct
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from functools import cached_property
+from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, InvalidMagic, McapError
+from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
+from mcap.records import Chunk, ChunkIndex
+from mcap.stream_reader import get_chunk_data_stream
 from zstandard import ZstdError
 
 from groundlink.core.errors import UserError
@@ -21,6 +27,14 @@ from groundlink.episode.journal import Journal, loaded
 from groundlink.scenario import Scenario
 
 from . import metadata
+
+_RECORD = struct.Struct("<BQ")
+"""Opcode and length: the head of a record."""
+
+_MESSAGE = struct.Struct("<HIQQ")
+"""Channel, sequence number, log time, publish time: the fields of a Message before its data."""
+
+_nanos = attrgetter("nanos")
 
 
 class RecordedMessage(NamedTuple):
@@ -84,6 +98,11 @@ class Recording:
         }
         """Messages dropped by the recorder, by topic."""
 
+        self._channels, self._schemas = summary.channels, {0: ""}
+        self._schemas |= {id: schema.name for id, schema in summary.schemas.items()}
+        self._chunks = sorted(
+            summary.chunk_indexes, key=attrgetter("message_start_time", "chunk_start_offset")
+        )
         self.messages: int = summary.statistics.message_count
         self.first_nanos: int = summary.statistics.message_start_time
         self.last_nanos: int = summary.statistics.message_end_time
@@ -139,14 +158,55 @@ class Recording:
         UserError
             where the file is damaged.
         """
+        channels = {
+            id: (channel.topic, self._schemas[channel.schema_id])
+            for id, channel in self._channels.items()
+            if topics is None or channel.topic in topics
+        }
+        first = from_nanos or 0
+        waiting: list[RecordedMessage] = []
         try:
-            for schema, channel, message in self._reader.iter_messages(
-                topics, starting_at=from_nanos
-            ):
-                name = schema.name if schema else ""
-                yield RecordedMessage(message.log_time, channel.topic, name, message.data)
+            for chunk in self._chunks:
+                if chunk.message_end_time < first or channels.keys().isdisjoint(
+                    chunk.message_index_offsets
+                ):
+                    continue
+                # Chunks are in order of their begins, but may overlap.
+                passed = bisect_right(waiting, chunk.message_start_time, key=_nanos)
+                yield from waiting[:passed]
+                del waiting[:passed]
+                for channel, nanos, cdr in _messages(self._plain(chunk)):
+                    if channel in channels and nanos >= first:
+                        waiting.append(RecordedMessage(nanos, *channels[channel], bytes(cdr)))
+                waiting.sort(key=_nanos)
+            yield from waiting
         except (McapError, ZstdError, struct.error, ValueError) as error:
             raise UserError(f"{self.path}: damaged: {_reason(error)}") from None
+
+    def _plain(self, chunk: ChunkIndex) -> bytes:
+        """Return the records of a chunk."""
+        self._file.seek(chunk.chunk_start_offset + _RECORD.size)
+        stream, size = get_chunk_data_stream(Chunk.read(ReadDataStream(self._file)))
+        return stream.read(size)
+
+
+def _messages(records: bytes) -> Iterator[tuple[int, int, memoryview]]:
+    """Yield channel, log time and data of each message of a chunk.
+
+    Raises
+    ------
+    ValueError
+        when they are damaged.
+    """
+    whole, end = memoryview(records), 0
+    while end < len(records):
+        opcode, length = _RECORD.unpack_from(records, end)
+        begin, end = end + _RECORD.size, end + _RECORD.size + length
+        if end > len(records):
+            raise ValueError("a record is longer than its chunk")
+        if opcode == Opcode.MESSAGE:
+            channel, _, nanos, _ = _MESSAGE.unpack_from(records, begin)
+            yield channel, nanos, whole[begin + _MESSAGE.size : end]
 
 
 def _reason(error: Exception) -> str:

@@ -5,12 +5,14 @@ Everything is derived from recordings; nothing is run here.
 """
 
 import heapq
-from collections.abc import Iterator
+import itertools
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import msgspec
 from msgspec.structs import replace
 
+from groundlink.bus.pipe import PipedMessage
 from groundlink.bus.topics import sensor_outputs
 from groundlink.core.errors import UserError
 from groundlink.episode import journal as journals
@@ -21,7 +23,8 @@ from groundlink.scenario import Scenario
 
 from . import metadata
 from .differences import first_difference
-from .reader import RecordedMessage, Recording
+from .reader import Recording
+from .repeated_readings import RepeatedReadings
 from .ros_channels import RosFile
 from .verifying import scenario_difference
 
@@ -109,20 +112,34 @@ def _surroundings(scenario: Scenario) -> tuple[object, ...]:
     return scenario.world.weather, scenario.world.light
 
 
+def end_nanos(recording: Recording) -> int:
+    """Return the first stamp that a recording does not have."""
+    return recording.end_nanos or recording.last_nanos + 1
+
+
 def write_resimulated(
-    recording: Recording, again: Recording | None, given: Scenario, out: Path
+    recording: Recording,
+    again: RepeatedReadings,
+    messages: Iterable[PipedMessage],
+    given: Scenario,
+    out: Path,
+    show: Callable[[float], None] = lambda share: None,
 ) -> tuple[int, int]:
     """Write a recording with the readings of some sensors from a repeated run.
 
     Parameters
     ----------
     again
-        recording of a repeated run, in which the sensors of `sensors_to_simulate` ran; None if none
-        had to.
+        reader of the repeated run.
+    messages
+        messages of the repeated run from its start, in which the sensors of `sensors_to_simulate`
+        run; none if there are none.
     given
         scenario of the new file, with its sensors.
     out
         path of a new file.
+    show
+        receives the share that is done, 0 to 1.
 
     Returns
     -------
@@ -135,39 +152,46 @@ def write_resimulated(
         when there is a file.
     """
     before = recording.run.scenario
-    simulated = sensors_to_simulate(before, given) if again else []
-    names = {*before.sensor_names(), *simulated}
-    of_sensors = {topic for name in names for topic in _topics(before, name)}
+    simulated = sensors_to_simulate(before, given)
+    of_sensors = {
+        topic for name in {*before.sensor_names(), *simulated} for topic in _topics(before, name)
+    }
     kept_sensors = set(given.sensor_names()) - set(simulated)
     kept = {topic for name in kept_sensors for topic in _topics(given, name)}
     new = {topic for name in simulated for topic in _topics(given, name)}
     made = made_topics(given)
+    latched = {topic for topic in made if is_latched(topic)}
     if _read_by_bases(given) & {*simulated}:
         new |= made
-    elif again is not None:
-        new |= {topic for topic in made if is_latched(topic)}
-    replaced = (of_sensors - kept) | new | {DIAGNOSTICS_TOPIC}
+    replaced = (of_sensors - kept) | new | latched | {DIAGNOSTICS_TOPIC}
     copied = [topic for topic in recording.types if topic not in replaced]
-    rates = {topic: facts.declared_hz for topic, facts in recording.topics.items()}
+    first, end = recording.first_nanos, recording.end_nanos or recording.last_nanos + 1
+    added = itertools.chain(
+        again.latched(first),
+        again.read(messages, new - latched, simulated, end) if simulated else (),
+    )
+    rates = again.declared_hz | {t: facts.declared_hz for t, facts in recording.topics.items()}
+    rates |= {topic: again.declared_hz.get(topic) for topic in new}
     file = RosFile(out)
     try:
         run = replace(recording.run, scenario=_as_seen_in(before, given))
         file.mcap.add_metadata(metadata.RUN_RECORD, metadata.run_entries(run))
         for topic in copied:
             file.topic(topic, recording.types[topic], latched=is_latched(topic))
-        if again is not None:
-            rates |= {topic: facts.declared_hz for topic, facts in again.topics.items()}
-            for topic in sorted(new & again.types.keys()):
-                file.topic(topic, again.types[topic], latched=is_latched(topic))
+        for topic in sorted((new | latched) & again.types.keys()):
+            file.topic(topic, again.types[topic], latched=is_latched(topic))
         counts = [0, 0]
-        messages = _merged(recording, copied, again, sorted(new))
-        for number, (is_new, message) in enumerate(messages):
+        old = ((False, message) for message in recording.read(copied)) if copied else iter(())
+        news = ((True, message) for message in added if message.nanos >= first)
+        merged = heapq.merge(old, news, key=lambda pair: pair[1].nanos)
+        for number, (is_new, message) in enumerate(merged):
             topic, ros_type = message.topic, message.ros_type
             written = file.topic(topic, ros_type, latched=is_latched(topic))
             written.write(message.nanos, memoryview(message.cdr))
             counts[is_new] += 1
             if number % COMMIT_MESSAGES == 0:
                 file.commit(rates)
+                show((message.nanos - first) / (end - first))
         if recording.journal is not None:
             scenario = _as_seen_in(recording.journal.scenario, given)
             journal = replace(recording.journal, scenario=scenario)
@@ -179,17 +203,3 @@ def write_resimulated(
     finally:
         file.close()
     return counts[0], counts[1]
-
-
-def _merged(
-    recording: Recording, copied: list[str], again: Recording | None, new: list[str]
-) -> Iterator[tuple[bool, RecordedMessage]]:
-    """Yield messages of both recordings in order of time, and whether each is new."""
-    first, last = recording.first_nanos, recording.last_nanos
-    old = ((False, message) for message in recording.read(copied)) if copied else iter(())
-    added = (
-        (True, message)
-        for message in (again.read(new) if again and new else ())
-        if first <= message.nanos <= last
-    )
-    return heapq.merge(old, added, key=lambda pair: pair[1].nanos)

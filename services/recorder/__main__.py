@@ -41,13 +41,6 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         help="write identical files for identical runs: sorted by log time and topic, without "
         "/diagnostics; for runs that do not follow the wall clock",
     )
-    parser.add_argument(
-        "--absent",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="process of the scenario that does not run; repeatable",
-    )
     options = parser.parse_args(arguments)
     if options.duration is not None and not options.duration > 0:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
@@ -64,11 +57,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         files_type = OrderedMcapFiles if options.ordered else McapFiles
         files = files_type(options.out, scenario, run, journal)
         try:
-            recorder = BusRecorder(
-                *(bus, scenario, run, files, duration),
-                absent=options.absent,
-                ordered=options.ordered,
-            )
+            recorder = BusRecorder(*(bus, scenario, run, files, duration), ordered=options.ordered)
             recorder.record(stop)
         except OSError as error:
             problem = f"cannot write {files.path}: {(error.strerror or str(error)).lower()}"

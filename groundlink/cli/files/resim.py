@@ -1,41 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """`groundlink resim RUN.mcap SCENARIO --out OTHER.mcap`: a recorded drive with other sensors.
 
-Starts physics with the journal of the recording, the sensors that differ from the recorded ones,
-and a recorder. Their readings take the place of the recorded ones; all else is copied.
+Physics repeats the journal of the recording, and the sensors that differ from the recorded ones
+follow it. Their readings take the place of the recorded ones; all else is copied.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
-import shutil
-import tempfile
-from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from rich.console import Console
-
-from groundlink.bus.topics import driver_names
 from groundlink.cli import Subparsers
-from groundlink.cli.run import running, supervised
+from groundlink.cli.run import running
 from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.progress import progress
-from groundlink.core.atomic_file import check_new_file, write_atomically
-from groundlink.core.clock import NANOS
+from groundlink.core.atomic_file import check_new_file
 from groundlink.core.extras import needs
-from groundlink.episode import journal as journals
 from groundlink.loader import overrides
-from groundlink.messages.base import Health
-from groundlink.monitor import process_commands
-
-if TYPE_CHECKING:
-    from groundlink.recording.reader import Recording
-    from groundlink.scenario import Scenario
-
-FOLLOWED, READINGS = "run.journal", "readings.mcap"
-"""Files exchanged with the started processes."""
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -55,73 +36,20 @@ def add_parser(subparsers: Subparsers) -> None:
 def resim(options: argparse.Namespace) -> int:
     """Write the recording as it is with the scenario's sensors, weather and light."""
     with needs("record"):
-        from groundlink.recording import resimulation, verifying
         from groundlink.recording.reader import Recording
+        from groundlink.recording.repeated_run import resimulate
 
     console = terminal.console()
     check_new_file("--out", options.out)
-    changes = overrides.field_changes(options.set)
-    scenario = running.load_scenario(options.scenario, changes)
-    with Recording(options.recording) as recording, tempfile.TemporaryDirectory() as temporary:
-        scenario = verifying.in_recorded_world(recording, scenario)
-        resimulation.check_drive(recording.started_as, scenario)
-        simulated = resimulation.sensors_to_simulate(recording.started_as, scenario)
-        removed = set(recording.started_as.sensor_names()) - set(scenario.sensor_names())
-        if not simulated and not removed:
-            with write_atomically(options.out) as part:
-                shutil.copyfile(options.recording, part)
-            terminal.say(console, f"nothing differs: {options.out} is a copy")
-            return 0
-        again = Path(temporary) / READINGS if simulated else None
-        if again is not None:
-            code = _simulate(console, recording, scenario, simulated, again)
-            if code is not None:
-                return code
-        with (
-            progress(f"writing {options.out}"),
-            Recording(again) if again else nullcontext() as readings,
-            write_atomically(options.out) as part,
-        ):
-            copied, new = resimulation.write_resimulated(recording, readings, scenario, part)
+    scenario = running.load_scenario(options.scenario, overrides.field_changes(options.set))
+    with Recording(options.recording) as recording, progress(f"writing {options.out}") as show:
+        done = resimulate(recording, scenario, options.out, show=show)
+    if done.is_copy:
+        terminal.say(console, f"nothing differs: {options.out} is a copy")
+        return 0
+    names = ", ".join(done.sensors) or "no sensor"
     terminal.say(
         console,
-        f"wrote {options.out}: {new} messages simulated ({', '.join(simulated) or 'no sensor'}), "
-        f"{copied} copied",
+        f"wrote {options.out}: {done.new} messages simulated ({names}), {done.copied} copied",
     )
     return 0
-
-
-def _simulate(
-    console: Console, recording: Recording, scenario: Scenario, sensors: list[str], out: Path
-) -> int | None:
-    """Record the readings of some sensors on the recorded drive; return the code of a failure."""
-    from groundlink.recording.verifying import compared_span, replay_journal
-
-    journal = out.with_name(FOLLOWED)
-    again = replay_journal(recording, scenario)
-    journals.write(journal, journals.dumped(again))
-    seconds = (compared_span(recording).end_nanos - recording.run.epoch_nanos) / NANOS
-    absent = {*again.scenario.sensor_names(), *driver_names(again.scenario)} - {*sensors}
-    recorder = ["-m", "services.recorder", "--out", str(out), "--ordered"]
-    recorder += ["--duration", f"{seconds:.9f}"]
-    recorder += [word for name in sorted(absent) for word in ("--absent", name)]
-    run, endpoint = f"resim_{os.getpid()}", process_commands.free_endpoint()
-    commands = process_commands.following(
-        again.scenario, journal, recorder, run, endpoint, sensors=sensors
-    )
-    supervised_run = supervised.SupervisedRun(
-        commands, run, endpoint, console, finite={running.RECORDER}
-    )
-    child, monitor = supervised_run.children[running.RECORDER], supervised_run.monitor
-
-    def done(_: Health) -> tuple[float, str]:
-        return min(monitor.sim_seconds, seconds), ""
-
-    shown = supervised.RecorderProgress(monitor, seconds, done)
-    failed = supervised_run.go(lambda: child.is_done, lambda: shown)
-    if failed:
-        return supervised.exit_code(failed)
-    if not out.exists():
-        console.print("ended early: nothing was simulated")
-        return 1
-    return None
