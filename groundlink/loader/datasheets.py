@@ -60,6 +60,17 @@ def datasheet_files() -> list[Path]:
     ]
 
 
+def shipped_figures(kind: str, title: str) -> dict[str, Any] | None:
+    """Return the fields of the shipped data sheet with this title; None if none has it."""
+    for file in datasheet_files():
+        sheet = read_datasheet(file).value
+        if (sheet["kind"], sheet.get("datasheet", "")) == (kind, title):
+            return {
+                name: value for name, value in sheet.items() if name not in ("kind", "datasheet")
+            }
+    return None
+
+
 def load_datasheet(given: str) -> CheckedDatasheet:
     """Return the data sheet of this name, or in this file: here, or shipped.
 
@@ -81,5 +92,8 @@ def _checked(file: Path) -> CheckedDatasheet:
         if not str(error).startswith("Object missing required field") or " - at " in str(error):
             raise ScenarioError(explained(error, sheet, Sensor)) from None
     title = " ".join(stated.get("datasheet", file.name).split())
-    figures = {name: value for name, value in stated.items() if name not in ("kind", "datasheet")}
-    return CheckedDatasheet(file, stated["kind"], title, figures)
+    return CheckedDatasheet(file, stated["kind"], title, _figures(stated))
+
+
+def _figures(stated: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in stated.items() if name not in ("kind", "datasheet")}

@@ -76,6 +76,19 @@ class Document:
         around[path[-1]] = part.value
         self.marks.update({path + inner: mark for inner, mark in part.marks.items()})
 
+    def remove(self, path: DataPath) -> None:
+        """Remove an element of a list; those after it move up."""
+        here, index = path[:-1], path[-1]
+        listed = self.at(here)
+        kept = [i for i in range(len(listed)) if i != index]
+        parts = [self.alone((*here, i)) for i in kept]
+        self.marks = {p: m for p, m in self.marks.items() if p[: len(here)] != here or p == here}
+        listed[:] = [listed[i] for i in kept]
+        for i, part in enumerate(parts):
+            self.marks |= {
+                (*here, i, *inner[1:]): mark for inner, mark in part.marks.items() if inner
+            }
+
 
 def read(file: Path) -> Document:
     """Return the data of a YAML file.

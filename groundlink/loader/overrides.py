@@ -1,26 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Changes of a scenario's fields, such as `lidar.dropout=0.1`: the option `--set`.
+"""Changes of a scenario: of fields, such as `lidar.dropout=0.1` (`--set`), and of its sensors.
 
 A path begins at a field of the scenario or at the name of a vehicle. In a scenario with one vehicle
 it may also begin at a field of the vehicle or at the name of a sensor. An element of a list is
-chosen by its name or its number. Values are YAML.
+chosen by its name or its number. Steps are separated by dots, or by slashes as in the name of a
+sensor. Values are YAML.
 """
 
 import argparse
 import copy
 import json
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from groundlink.core.errors import UserError, did_you_mean
 from groundlink.scenario.schema import Scenario, Vehicle
 
-from .document import DataPath, Document, parse
+from .document import DataPath, Document, parse, read
 
 FORM = "FIELD=VALUE"
+
+
+class Change(Protocol):
+    """A change of a scenario."""
+
+    def apply_where_written(self, document: Document) -> bool:
+        """Change a document whose references were not followed; return whether that is enough."""
+
+    def apply(self, document: Document) -> None:
+        """Change a document whose references were followed."""
 
 
 @dataclass(frozen=True)
@@ -79,42 +91,148 @@ class FieldChange:
         UserError
             when there is no such vehicle or element of a list.
         """
-        steps = self.field.split(".")
-        path: DataPath = ()
-        for step in self._from_the_top(document, steps):
-            value = document.at(path)
-            path += (self._index(value, step) if isinstance(value, list) else step,)
-        return path
+        return _located(document, self.field, f"--set {self.field}")
 
-    def _from_the_top(self, document: Document, steps: list[str]) -> list[str]:
-        """Return the steps with those that were left out."""
-        first = steps[0]
-        if first in Scenario.__struct_fields__:
-            return steps
-        vehicles = [v for v in document.at(("vehicles",)) or () if isinstance(v, dict)]
-        names = [str(vehicle.get("name")) for vehicle in vehicles]
-        if first in names:
-            steps = steps[1:]
-        elif len(vehicles) != 1:
-            raise UserError(f"--set {self.field}: no vehicle `{first}`; {self._hint(first, names)}")
-        else:
-            first = names[0]
-        if steps and steps[0] not in Vehicle.__struct_fields__:
-            steps = ["sensors", *steps]
-        return ["vehicles", first, *steps]
 
-    def _index(self, listed: list[Any], step: str) -> int:
-        """Return the number of an element that is given by name or number."""
-        names = [str(each.get("name")) if isinstance(each, dict) else "" for each in listed]
-        if step in names:
-            return names.index(step)
-        if step.isdigit() and int(step) < len(listed):
-            return int(step)
-        raise UserError(f"--set {self.field}: no `{step}`; {self._hint(step, names)}")
+@dataclass(frozen=True)
+class SensorRemoval:
+    """Leave a sensor out."""
 
-    @staticmethod
-    def _hint(word: str, names: Sequence[str]) -> str:
-        return did_you_mean(word, [*names, *Vehicle.__struct_fields__, *Scenario.__struct_fields__])
+    name: str
+    """As `vehicle/sensor`; the vehicle may be left out if there is one only."""
+
+    def apply_where_written(self, document: Document) -> bool:
+        """Remove the sensor; return True.
+
+        Raises
+        ------
+        UserError
+            when there is no such sensor.
+        """
+        self.apply(document)
+        return True
+
+    def apply(self, document: Document) -> None:
+        """Remove the sensor."""
+        option = f"--remove {self.name}"
+        path = _located(document, self.name, option)
+        if len(path) != 4 or path[2] != "sensors":
+            raise UserError(f"{option}: expected VEHICLE/SENSOR, such as rover/camera")
+        document.remove(path)
+
+
+@dataclass(frozen=True)
+class SensorAddition:
+    """Add a sensor that a file describes as a scenario does."""
+
+    vehicle: str
+    file: Path
+
+    def apply_where_written(self, document: Document) -> bool:
+        """Add the sensor; return True.
+
+        Raises
+        ------
+        UserError
+            when there is no such vehicle, or the file cannot be read.
+        """
+        self.apply(document)
+        return True
+
+    def apply(self, document: Document) -> None:
+        """Add the sensor."""
+        option = f"--add {self.vehicle}={self.file}"
+        vehicle = _located(document, f"vehicles.{self.vehicle}", option)
+        sensors = document.at(vehicle).setdefault("sensors", [])
+        sensors.append(None)
+        document.put((*vehicle, "sensors", len(sensors) - 1), read(self.file))
+
+
+def _located(document: Document, field: str, option: str) -> DataPath:
+    """Return the path of a field in a document.
+
+    Raises
+    ------
+    UserError
+        when there is none; the line begins with the option.
+    """
+    path: DataPath = ()
+    for step in _from_the_top(document, _steps(field), option):
+        value = document.at(path)
+        path += (_index(value, step, option) if isinstance(value, list) else step,)
+    return path
+
+
+def _steps(field: str) -> list[str]:
+    return re.split(r"[./]", field)
+
+
+def _from_the_top(document: Document, steps: list[str], option: str) -> list[str]:
+    """Return the steps with those that were left out."""
+    first = steps[0]
+    if first in Scenario.__struct_fields__:
+        return steps
+    vehicles = [v for v in document.at(("vehicles",)) or () if isinstance(v, dict)]
+    names = [str(vehicle.get("name")) for vehicle in vehicles]
+    if first in names:
+        steps = steps[1:]
+    elif len(vehicles) != 1:
+        raise UserError(f"{option}: no vehicle `{first}`; {_hint(first, names)}")
+    else:
+        first = names[0]
+    if steps and steps[0] not in Vehicle.__struct_fields__:
+        steps = ["sensors", *steps]
+    return ["vehicles", first, *steps]
+
+
+def _index(listed: list[Any], step: str, option: str) -> int:
+    """Return the number of an element that is given by name or number."""
+    names = [str(each.get("name")) if isinstance(each, dict) else "" for each in listed]
+    if step in names:
+        return names.index(step)
+    if step.isdigit() and int(step) < len(listed):
+        return int(step)
+    raise UserError(f"{option}: no `{step}`; {_hint(step, names)}")
+
+
+def _hint(word: str, names: Sequence[str]) -> str:
+    return did_you_mean(word, [*names, *Vehicle.__struct_fields__, *Scenario.__struct_fields__])
+
+
+def add_sensor_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options that remove and add sensors to a command."""
+    parser.add_argument(
+        "--remove",
+        action="append",
+        default=[],
+        metavar="VEHICLE/SENSOR",
+        help="leave a sensor out, such as rover/camera; repeatable",
+    )
+    parser.add_argument(
+        "--add",
+        action="append",
+        default=[],
+        metavar="VEHICLE=FILE",
+        help="add a sensor that a YAML file describes, with the fields of a scenario's; repeatable",
+    )
+
+
+def all_changes(options: argparse.Namespace) -> list[Change]:
+    """Return what `--remove`, `--add` and `--set` mean, in this order.
+
+    Raises
+    ------
+    UserError
+        when an argument has another form.
+    """
+    additions = []
+    for text in options.add:
+        vehicle, separator, file = text.partition("=")
+        if not (vehicle and separator and file):
+            raise UserError(f"--add {text}: expected VEHICLE=FILE, such as rover=second_lidar.yaml")
+        additions.append(SensorAddition(vehicle, Path(file)))
+    removals = [SensorRemoval(name) for name in options.remove]
+    return [*removals, *additions, *field_changes(options.set)]
 
 
 def field_at(document: Document, path: DataPath) -> str:
@@ -191,6 +309,6 @@ def alternatives(text: str) -> list[FieldChange]:
 
 def _parsed(text: str) -> tuple[str, Any]:
     field, separator, value = text.partition("=")
-    if not separator or not all(field.split(".")):
+    if not separator or not all(_steps(field)):
         raise UserError(f"--set {text}: expected {FORM}, such as lidar.dropout=0.1")
     return field, parse(value or "null", Path(f"--set {text}")).value

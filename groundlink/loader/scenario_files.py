@@ -29,7 +29,7 @@ from .asset_import import import_assets
 from .checks import check_expectations, check_scenario, check_speeds
 from .document import DataPath, Document, ScenarioError, read
 from .material_library import with_library_materials
-from .overrides import FieldChange
+from .overrides import Change
 from .scatter import place_scatter
 from .terrain_placement import place_outdoors, place_solids
 from .validation_errors import convert
@@ -55,13 +55,13 @@ class _ExpectationsFile(msgspec.Struct):
 
 
 def load(
-    file: str | Path, *, changes: Iterable[FieldChange] = (), warn: Warn = ignore_warning
+    file: str | Path, *, changes: Iterable[Change] = (), warn: Warn = ignore_warning
 ) -> Scenario:
     """Return the scenario of `file` and the files it names.
 
     `file` may be the name of a shipped scenario; see `scenario_file`.
 
-    `changes` replace fields. `warn` receives warnings about heightmaps and meshes.
+    `changes` change fields or sensors. `warn` receives warnings about heightmaps and meshes.
 
     Raises
     ------
@@ -97,11 +97,11 @@ def scenario_file(given: str | Path) -> Path:
 
 
 def resolved(
-    document: Document, warn: Warn = ignore_warning, changes: Iterable[FieldChange] = ()
+    document: Document, warn: Warn = ignore_warning, changes: Iterable[Change] = ()
 ) -> Scenario:
     """Return the scenario of a document and the files it names, without the checks across fields.
 
-    `changes` replace fields of the files, too.
+    `changes` change the files, too.
 
     Raises
     ------
@@ -185,10 +185,21 @@ def follow_references(document: Document, warn: Warn = ignore_warning) -> None:
         if not isinstance(vehicle, dict):
             continue
         for s, sensor in enumerate(_sequence(vehicle.get("sensors"))):
-            _fill_from_datasheet(document, (*here, "sensors", s), sensor)
-            _place_on_mount(document, (*here, "sensors", s), vehicle.get("model"))
-            _name_package(sensor)
+            follow_sensor(document, (*here, "sensors", s), sensor, vehicle.get("model"))
     _merge_materials(document)
+
+
+def follow_sensor(document: Document, path: DataPath, sensor: Any, model: Any) -> None:
+    """Replace a sensor's data sheet and the name of its mount by what they stand for.
+
+    Raises
+    ------
+    ScenarioError
+        when one of them does not exist.
+    """
+    _fill_from_datasheet(document, path, sensor)
+    _place_on_mount(document, path, model)
+    _name_package(sensor)
 
 
 def _sequence(value: Any) -> list[Any]:

@@ -16,7 +16,8 @@ from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.progress import progress
 from groundlink.core.atomic_file import check_new_file
 from groundlink.core.extras import needs
-from groundlink.loader import overrides
+from groundlink.loader import load, overrides
+from groundlink.loader.recorded_scenario import with_changes
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -25,11 +26,16 @@ def add_parser(subparsers: Subparsers) -> None:
         "resim", help="simulate the sensors of a recorded run again, with changes"
     )
     parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="recording to read")
-    parser.add_argument("scenario", help=running.SCENARIO_HELP)
+    parser.add_argument(
+        "scenario",
+        nargs="?",
+        help=f"{running.SCENARIO_HELP} (default: that of the recording)",
+    )
     parser.add_argument(
         "--out", type=Path, required=True, metavar="OTHER.mcap", help="file to write"
     )
     overrides.add_argument(parser)
+    overrides.add_sensor_arguments(parser)
     parser.set_defaults(command=resim)
 
 
@@ -41,8 +47,12 @@ def resim(options: argparse.Namespace) -> int:
 
     console = terminal.console()
     check_new_file("--out", options.out)
-    scenario = running.load_scenario(options.scenario, overrides.field_changes(options.set))
+    changes = overrides.all_changes(options)
     with Recording(options.recording) as recording, progress(f"writing {options.out}") as show:
+        if options.scenario is None:
+            scenario = with_changes(recording.started_as, changes)
+        else:
+            scenario = load(options.scenario, changes=changes)
         done = resimulate(recording, scenario, options.out, show=show)
     if done.is_copy:
         terminal.say(console, f"nothing differs: {options.out} is a copy")

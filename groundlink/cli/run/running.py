@@ -15,7 +15,7 @@ from groundlink.cli.terminal.progress import progress
 from groundlink.core.errors import RequirementError
 from groundlink.core.extras import check_installed
 from groundlink.loader import load
-from groundlink.loader.overrides import FieldChange
+from groundlink.loader.overrides import Change
 from groundlink.monitor.process_commands import joining
 from groundlink.process.runner import address
 from groundlink.scenario import Scenario
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser, whose: str, *, ros: bool = Tr
         )
 
 
-def load_scenario(given: str | Path, changes: Iterable[FieldChange] = ()) -> Scenario:
+def load_scenario(given: str | Path, changes: Iterable[Change] = ()) -> Scenario:
     """Return the scenario of a file or of a shipped name; large meshes take seconds."""
     with progress(f"loading {given}"):
         return load(given, changes=changes)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`--set` changes the field that its path names, before or after references are followed."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,17 @@ import pytest
 from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.loader.document import DataPath, Document, SourceLine
-from groundlink.loader.overrides import FieldChange, alternatives, field_at, field_changes
+from groundlink.loader.overrides import (
+    Change,
+    FieldChange,
+    SensorAddition,
+    SensorRemoval,
+    alternatives,
+    field_at,
+    field_changes,
+)
+from groundlink.loader.recorded_scenario import with_changes
+from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario import Scenario
 
 
@@ -134,3 +145,48 @@ def test_paths_of_several_vehicles_begin_with_a_name() -> None:
         UserError, match=r"two.yaml:1: `--set` cannot name `vehicles\.second\.one\."
     ):
         field_at(document, ("vehicles", 1, "sensors", 0, "rate_hz"))
+
+
+def removed(name: str) -> Scenario:
+    return load("indoor_lab", changes=[SensorRemoval(name)])
+
+
+@pytest.mark.parametrize("name", ["rover/lidar", "lidar", "rover.lidar"])
+def test_a_sensor_is_removed_by_name(name: str) -> None:
+    assert removed(name).sensor_names() == ["rover/imu", "rover/encoders", "rover/camera"]
+
+
+def test_lines_of_other_sensors_stay_when_one_is_removed(tmp_path: Path) -> None:
+    text = Path(SHIPPED / "indoor_lab.yaml").read_text(encoding="utf-8")
+    file = tmp_path / "lab.yaml"
+    file.write_text(text.replace("rate_hz: 50.0", "rate_hz: fifty"), encoding="utf-8")
+    line = next(n for n, row in enumerate(text.splitlines(), 1) if "kind: encoders" in row)
+    with pytest.raises(UserError, match=rf"lab\.yaml:{line}: .*rate_hz"):
+        load(file, changes=[SensorRemoval("lidar")])
+
+
+def test_a_sensor_is_added_from_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "second.yaml"
+    file.write_text(
+        "{kind: lidar_2d, datasheet: lms111, name: front, topic: /front, frame: front_link}",
+        encoding="utf-8",
+    )
+    changes = [SensorAddition("rover", file), *field_changes(["front.dropout=0.5"])]
+    added = load("indoor_lab", changes=changes)
+    assert added.sensor_names()[-1] == "rover/front"
+    assert at(added, "vehicles.rover.sensors.front.dropout") == 0.5
+    assert with_changes(load("indoor_lab"), changes) == added
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        (SensorRemoval("rover/lidra"), "--remove rover/lidra: no `lidra`; did you mean `lidar`"),
+        (SensorRemoval("rover"), "--remove rover: expected VEHICLE/SENSOR"),
+        (SensorAddition("tank", Path("a.yaml")), "--add tank=a.yaml: no `tank`"),
+        (SensorAddition("rover", Path("a.yaml")), "a.yaml: no such file"),
+    ],
+)
+def test_sensors_that_cannot_be_changed_are_one_line(change: Change, line: str) -> None:
+    with pytest.raises(UserError, match=re.escape(line)):
+        load("indoor_lab", changes=[change])
