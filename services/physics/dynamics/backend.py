@@ -141,10 +141,10 @@ class Backend(Protocol):
     def joint_states(self, body: int, joints: Sequence[int]) -> Sequence[Sequence[float]]:
         """Return position (m) and velocity (m/s) of joints; a row may have more columns."""
 
-    def set_joint_positions(
-        self, body: int, joints: Sequence[int], positions_m: Sequence[float]
+    def set_joint_states(
+        self, body: int, joints: Sequence[int], states: Sequence[tuple[float, float]]
     ) -> None:
-        """Move joints and take their velocity away."""
+        """Set position (m) and velocity (m/s) of joints."""
 
     def set_joint_forces(self, body: int, joints: Sequence[int], forces_n: Sequence[float]) -> None:
         """Apply forces along joints for one step."""

@@ -284,11 +284,11 @@ class BulletBackend:
         states: Sequence[Any] = self._bullet.getJointStates(body, joints)
         return states
 
-    def set_joint_positions(
-        self, body: int, joints: Sequence[int], positions_m: Sequence[float]
+    def set_joint_states(
+        self, body: int, joints: Sequence[int], states: Sequence[tuple[float, float]]
     ) -> None:
-        for joint, position in zip(joints, positions_m, strict=True):
-            self._bullet.resetJointState(body, joint, position, 0.0)
+        for joint, state in zip(joints, states, strict=True):
+            self._bullet.resetJointState(body, joint, *state)
 
     def set_joint_forces(self, body: int, joints: Sequence[int], forces_n: Sequence[float]) -> None:
         self._bullet.setJointMotorControlArray(

@@ -18,14 +18,20 @@ from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid
 RecordedContact = tuple[int, int, Vector3, float]
 """Tick, other body, point in the world (m), normal force (N)."""
 
+NamedContact = tuple[int, str, float]
+"""Tick, name of the solid that was touched, normal force (N)."""
+
 
 class EnergyAndContacts:
     """Energy and contacts of one vehicle since its start."""
 
-    __slots__ = ("_braking", "_driving", "_touches")
+    MEMORY = ("_braking", "_driving")
+
+    __slots__ = ("_braking", "_driving", "_named", "_touches")
 
     def __init__(self) -> None:
         self._driving = self._braking = 0.0
+        self._named: tuple[NamedContact, ...] = ()
         self._touches: list[RecordedContact] = []
 
     def worked(self, driving_w: float, braking_w: float) -> None:
@@ -47,6 +53,21 @@ class EnergyAndContacts:
         """Add a contact point of one tick."""
         self._touches.append(touch)
 
+    def named(self, bodies: Mapping[int, Sequence[Solid]]) -> tuple[NamedContact, ...]:
+        """Return each contact point since contacts were last reported, and keep it."""
+        if self._touches:
+            touches, self._touches = self._touches, []
+            names = _names(touches, bodies)
+            self._named += tuple(
+                (tick, name, force)
+                for name, (tick, _, _, force) in zip(names, touches, strict=True)
+            )
+        return self._named
+
+    def remember(self, contacts: Sequence[NamedContact]) -> None:
+        """Continue with contact points of a predecessor."""
+        self._named = tuple(contacts)
+
     def contacts(self, bodies: Mapping[int, Sequence[Solid]]) -> tuple[Contact, ...]:
         """Return the contacts since the last call, in the order of the first ones.
 
@@ -55,13 +76,12 @@ class EnergyAndContacts:
         bodies
             solids of each body.
         """
-        if not self._touches:
+        if not self._touches and not self._named:
             return ()
-        touches, self._touches = self._touches, []
-        names = _names(touches, bodies)
+        touches, self._named = self.named(bodies), ()
         largest: dict[str, tuple[float, int]] = {}
         ticks: dict[str, set[int]] = {}
-        for name, (tick, _, _, force) in zip(names, touches, strict=True):
+        for tick, name, force in touches:
             ticks.setdefault(name, set()).add(tick)
             if name not in largest or force > largest[name][0]:
                 largest[name] = force, tick

@@ -4,11 +4,12 @@
 The same calls give the same bytes. Nothing here reads a clock or knows how fast time should pass.
 """
 
+import struct
 from collections.abc import Callable, Mapping, Sequence, Set
 from contextlib import closing
-from struct import Struct
 from typing import Self
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS
@@ -28,9 +29,23 @@ from services.physics.dynamics.backend import Backend, Pose, Twist
 from services.physics.dynamics.bullet import BulletBackend
 from services.physics.dynamics.statics import StaticBody, add_statics
 from services.physics.dynamics.terrain import CarriedBody, NoTerrain, TerrainWindows, reach_of
+from services.physics.vehicle.memory import VehicleMemory
 from services.physics.vehicle.vehicle import RestState, SimulatedVehicle
 
 from . import actors
+
+
+class SimulationMemory(Struct, frozen=True, array_like=True):
+    """Inner state of a `Simulation` between two ticks; scripted actors follow from the tick."""
+
+    tick: int
+    vehicles: dict[str, VehicleMemory]
+    free_actors: dict[str, tuple[Pose, Twist]]
+    """Of their origins."""
+
+
+NOTHING_KNOWN = SimulationMemory(0, {}, {})
+"""Of a simulation at tick zero."""
 
 
 class Simulation:
@@ -46,6 +61,13 @@ class Simulation:
         stamp of sim time zero in commands.
     new_backend
         makes the physics engine's world.
+    memory
+        of a simulation of the same scenario, to continue from; None: tick zero.
+
+    Attributes
+    ----------
+    is_as_built
+        whether its bodies are those that another simulation of the present scenario would have.
     """
 
     def __init__(
@@ -55,8 +77,10 @@ class Simulation:
         *,
         epoch_nanos: int = 0,
         new_backend: Callable[[], Backend] = BulletBackend,
+        memory: SimulationMemory | None = None,
     ) -> None:
-        self.tick = 0
+        self._known = memory or NOTHING_KNOWN
+        self.tick = self._known.tick
         self._new_backend = new_backend
         self._backend = new_backend()
         self._epoch_nanos = epoch_nanos
@@ -86,6 +110,46 @@ class Simulation:
         """Solids of each body, also of removed ones: they may have been touched before."""
 
         self.become(scenario, solids)
+        self._known = NOTHING_KNOWN
+        self.is_as_built = True
+
+    def memory(self) -> SimulationMemory:
+        """Return all that the next tick depends on; the simulation then takes no more steps.
+
+        What the engine knows besides (which points touched in the last step) is not part of it. So
+        a simulation that continues from it is equal only to another one that does.
+        """
+        free = {n: a for n, a in self._actors.items() if isinstance(a, actors.FreeActor)}
+        return SimulationMemory(
+            self.tick,
+            {name: v.memory(self.tick, self._bodies) for name, v in self._vehicles.items()},
+            {name: (actor.pose(), actor.twist()) for name, actor in free.items()},
+        )
+
+    def continue_from(self, memory: SimulationMemory, scenario: Scenario) -> None:
+        """Continue from its own memory as a simulation would that is built with it.
+
+        All that moves is built again, in the same order, and static bodies stay: a world of many
+        solids or large meshes takes longer to build.
+
+        Parameters
+        ----------
+        scenario
+            the present one; `is_as_built` must be true.
+        """
+        self._known = memory
+        # The engine swaps the last body into the place of a removed one.
+        for put in reversed(self._actors.values()):
+            self._remove(put)
+        for vehicle in reversed(self._vehicles.values()):
+            self._remove(vehicle)
+        self._actors.clear()
+        self._vehicles.clear()
+        for described in scenario.vehicles:
+            self._put_vehicle(described)
+        for actor in scenario.world.actors:
+            self._put_actor(actor, self._materials)
+        self._known = NOTHING_KNOWN
 
     def become(self, scenario: Scenario, solids: Sequence[Solid]) -> None:
         """Remove what a scenario lacks and add what is new in it; all else continues.
@@ -93,6 +157,7 @@ class Simulation:
         Things are identified by name; a solid that has moved is a new one. New things start as they
         do at tick zero, vehicles at their placements.
         """
+        self.is_as_built = False
         self._remove_others(
             {vehicle.name for vehicle in scenario.vehicles},
             {actor.name for actor in scenario.world.actors},
@@ -147,7 +212,9 @@ class Simulation:
             roughness_at=self._roughness_at,
             epoch_nanos=self._epoch_nanos,
         )
-        if (ground := self._terrain.ground) is not None:
+        if (known := self._known.vehicles.get(described.name)) is not None:
+            vehicle.remember(known)
+        elif (ground := self._terrain.ground) is not None:
             rest = settled(described, ground, self._materials, self._new_backend)
             if rest is not None:
                 vehicle.put(rest)
@@ -162,6 +229,8 @@ class Simulation:
         self._described[actor.name] = actor
         self._bodies[put.body] = (_whole(actor.name),)
         if isinstance(put, actors.FreeActor):
+            if (known := self._known.free_actors.get(actor.name)) is not None:
+                put.place(*known)
             self._carry(put, actor.name, put.reach_m)
 
     def _carry(self, carried: CarriedBody, name: str, reach_m: float) -> None:
@@ -179,6 +248,7 @@ class Simulation:
 
     def reset_state(self, scenario: Scenario) -> None:
         """Put all vehicles and free actors of the present scenario back where they begin."""
+        self.is_as_built = False
         for described in scenario.vehicles:
             self._remove(self._vehicles.pop(described.name))
             self._put_vehicle(described)
@@ -295,7 +365,7 @@ class Simulation:
         ]
 
 
-_pack_row = Struct("<7d").pack
+_pack_row = struct.Struct("<7d").pack
 
 
 def _whole(name: str) -> Solid:

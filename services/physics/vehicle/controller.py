@@ -10,12 +10,14 @@ from collections.abc import Sequence
 from math import copysign, isfinite, radians
 from typing import NamedTuple
 
+from msgspec import Struct
+
 from groundlink.core.clock import NANOS, TICK_SECONDS
 from groundlink.messages.base import Command, WheelCommand
 from groundlink.scenario.running_gear import Ackermann
 from groundlink.scenario.vehicle import VehicleModel
 
-from .joint_commands import CommandedJoints, JointTargets
+from .joint_commands import CommandedJoints, JointsMemory, JointTargets
 from .steering import STANDSTILL, Speeds, Twist, steering
 
 MAX_WAITING = 1000
@@ -36,6 +38,40 @@ class WheelTargets(NamedTuple):
     for that of the motor."""
 
 
+class TargetsMemory(Struct, frozen=True, array_like=True):
+    """What one command demands: one of these."""
+
+    twist: Twist | None = None
+    wheels: WheelTargets | None = None
+    joints: JointTargets | None = None
+
+    @classmethod
+    def of(cls, asked: Twist | WheelTargets | JointTargets) -> "TargetsMemory":
+        """Return targets as plain data."""
+        if isinstance(asked, WheelTargets):
+            return cls(wheels=asked)
+        return cls(joints=asked) if isinstance(asked, JointTargets) else cls(twist=asked)
+
+    @property
+    def targets(self) -> Twist | WheelTargets | JointTargets:
+        """The targets."""
+        return self.wheels or self.joints or self.twist or STANDSTILL
+
+
+class ControllerMemory(Struct, frozen=True, array_like=True):
+    """Inner state of a `Controller`."""
+
+    now_nanos: int
+    since_nanos: int
+    waiting: tuple[tuple[int, TargetsMemory], ...]
+    asked: TargetsMemory | None
+    """None: the commands of `joints`."""
+
+    joints: JointsMemory
+    ramped: Twist | None
+    wheels: WheelTargets
+
+
 class Controller:
     """The drive controller of one vehicle.
 
@@ -51,7 +87,7 @@ class Controller:
         self._epoch_nanos = epoch_nanos
         self._timeout_nanos = round(drive.command_timeout_s * NANOS)
         self._latency_nanos = round(drive.motor.latency_s * NANOS) if drive.motor else 0
-        self._steering = steering(model)
+        self.steering = steering(model)
         self.shafts = tuple(s.name for s in drive.shafts(model.wheels) if s.driven)
         """Names of the driven shafts, in the order of their speeds."""
 
@@ -65,7 +101,7 @@ class Controller:
         self._joints = CommandedJoints(len(self.shafts), self._timeout_nanos)
         self._ramped: Twist | None = STANDSTILL
         self._wheels = WheelTargets(
-            self._steering.speeds(STANDSTILL), self._steering.angles(STANDSTILL)
+            self.steering.speeds(STANDSTILL), self.steering.angles(STANDSTILL)
         )
 
     def command(self, command: Command | WheelCommand) -> bool:
@@ -93,6 +129,29 @@ class Controller:
         """
         return self._schedule(stamp_nanos, targets)
 
+    def memory(self) -> ControllerMemory:
+        """Return the inner state, but for that of the steering geometry."""
+        asked = self._asked
+        return ControllerMemory(
+            now_nanos=self._now_nanos,
+            since_nanos=self._since_nanos,
+            waiting=tuple((nanos, TargetsMemory.of(targets)) for nanos, targets in self._waiting),
+            asked=None if isinstance(asked, CommandedJoints) else TargetsMemory.of(asked),
+            joints=self._joints.memory(),
+            ramped=self._ramped,
+            wheels=self._wheels,
+        )
+
+    def remember(self, memory: ControllerMemory) -> None:
+        """Set the inner state."""
+        self._now_nanos, self._since_nanos = memory.now_nanos, memory.since_nanos
+        self._waiting = [(nanos, kept.targets) for nanos, kept in memory.waiting]
+        self._joints.remember(memory.joints)
+        asked = memory.asked.targets if memory.asked else self._joints
+        assert not isinstance(asked, JointTargets), "`_joined` makes commanded joints of them"
+        self._asked = asked
+        self._ramped, self._wheels = memory.ramped, memory.wheels
+
     def _schedule(self, stamp_nanos: int, asked: Twist | WheelTargets | JointTargets) -> bool:
         sim_nanos = stamp_nanos - self._epoch_nanos + self._latency_nanos
         if self._now_nanos - sim_nanos > self._timeout_nanos:
@@ -106,7 +165,7 @@ class Controller:
     def _velocity(self, command: Command) -> Twist:
         if not all(map(isfinite, (*command.linear_mps, *command.angular_radps))):
             raise ValueError("a velocity is not finite")
-        return self._steering.within_limits((command.linear_mps[0], command.angular_radps[2]))
+        return self.steering.within_limits((command.linear_mps[0], command.angular_radps[2]))
 
     def _each_wheel(self, command: WheelCommand) -> WheelTargets:
         most = self._drive.max_wheel_speed_radps
@@ -139,9 +198,9 @@ class Controller:
             self._ramped, self._wheels = None, asked
         elif self._ramped != asked or angles:
             self._ramped = self._next_ramped(asked)
-            twist = self._steering.within_limits(self._ramped)
+            twist = self.steering.within_limits(self._ramped)
             self._wheels = WheelTargets(
-                self._steering.speeds(twist, angles), self._steering.angles(asked)
+                self.steering.speeds(twist, angles), self.steering.angles(asked)
             )
         return self._wheels
 
@@ -169,7 +228,7 @@ class Controller:
         commanded one, and wheels roll as the present steering angles demand. What is left of a
         shaft's speed, since it contradicts the others, acts at once.
         """
-        steering, most = self._steering, self._drive.max_wheel_speed_radps
+        steering, most = self.steering, self._drive.max_wheel_speed_radps
         speeds, torques = joints.shafts(sim_nanos)
         asked = steering.twist(speeds, joints.angles_rad)
         self._ramped = self._next_ramped(asked)

@@ -10,6 +10,7 @@ from math import isinf, isnan, radians
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from msgspec.structs import replace
 
 from groundlink.messages.base import floats, packed
@@ -82,6 +83,15 @@ class JointCommandReader:
         return targets, _servo_command(command, servos) if servos else None
 
 
+class JointsMemory(Struct, frozen=True, array_like=True):
+    """Inner state of `CommandedJoints`."""
+
+    speeds_radps: tuple[float, ...]
+    torques_nm: tuple[float | None, ...]
+    since_nanos: tuple[int, ...]
+    angles_rad: tuple[float, ...]
+
+
 class CommandedJoints:
     """The present commands of a drive's joints."""
 
@@ -98,6 +108,16 @@ class CommandedJoints:
         self._torques: list[float | None] = [None] * self._shafts
         self._since_nanos = [0] * self._shafts
         self.angles_rad = list(angles_rad)
+
+    def memory(self) -> JointsMemory:
+        """Return the inner state."""
+        speeds, torques, since = self._speeds, self._torques, self._since_nanos
+        return JointsMemory(tuple(speeds), tuple(torques), tuple(since), tuple(self.angles_rad))
+
+    def remember(self, memory: JointsMemory) -> None:
+        """Set the inner state."""
+        self._speeds, self._torques = list(memory.speeds_radps), list(memory.torques_nm)
+        self._since_nanos, self.angles_rad = list(memory.since_nanos), list(memory.angles_rad)
 
     def take(self, targets: JointTargets, sim_nanos: int) -> None:
         """Take commands that act from `sim_nanos` on."""

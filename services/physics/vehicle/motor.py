@@ -41,6 +41,8 @@ class Motors:
 class BatteryCharge:
     """Charge of a vehicle's battery."""
 
+    MEMORY = ("share", "current_a", "voltage_v")
+
     def __init__(self, battery: Battery) -> None:
         self._battery = battery
         self.share = battery.charge

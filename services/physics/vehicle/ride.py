@@ -37,7 +37,9 @@ def no_roughness(body: int, point: Vector3) -> float:
 class WheelLift:
     """Lift of one wheel by the ground under it; continuous, zero at first."""
 
-    __slots__ = ("_offset_m", "_roughness", "lift_m")
+    MEMORY = ("_offset_m", "_roughness", "lift_m")
+
+    __slots__ = MEMORY
 
     def __init__(self) -> None:
         self._roughness = IN_AIR
@@ -83,12 +85,13 @@ class Ride:
         self._ground = ground
         self._roughness_at = roughness_at
         self._tread = tread
-        self._lifts = [WheelLift() for _ in wheels]
-        self._under = [IN_AIR] * len(wheels)
+        self.lifts = [WheelLift() for _ in wheels]
+        self.under = [IN_AIR] * len(wheels)
+        """Roughness of what each wheel touches in this tick, or `IN_AIR`."""
 
     def touch(self, place: int, body: int, point: Vector3) -> None:
         """Note what a wheel touches in this tick."""
-        self._under[place] = self._roughness_at(body, point)
+        self.under[place] = self._roughness_at(body, point)
 
     def springs(
         self, springs: Sequence[Sequence[float]], hubs: Sequence[tuple[float, float]]
@@ -102,9 +105,9 @@ class Ride:
         """
         felt = []
         for place, (wheel, lift, spring) in enumerate(
-            zip(self._wheels, self._lifts, springs, strict=True)
+            zip(self._wheels, self.lifts, springs, strict=True)
         ):
-            height, under = 0.0, self._under[place]
+            height, under = 0.0, self.under[place]
             if under > 0.0 and self._ground:
                 height = under * self._ground.height_m(*hubs[place])
             if under >= 0.0 and self._tread and wheel.shaft:
@@ -113,7 +116,7 @@ class Ride:
                 height += self._tread.rise_m / 2 * cos(tau * phase)
             speed = lift.follow(under, height)
             felt.append((spring[0] + lift.lift_m, spring[1] + speed))
-            self._under[place] = IN_AIR
+            self.under[place] = IN_AIR
         return felt
 
 
@@ -125,6 +128,8 @@ class EngineShake:
     mass_kg
         of the whole vehicle.
     """
+
+    MEMORY = ("_turns",)
 
     def __init__(self, engine: Engine, *, mass_kg: float, top_speed_mps: float) -> None:
         self._engine = engine

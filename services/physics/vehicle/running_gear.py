@@ -15,6 +15,7 @@ from groundlink.core.fields import Vector3
 from groundlink.messages.ground_truth import BatteryState
 from groundlink.scenario.running_gear import Ackermann, Wheel
 from groundlink.scenario.vehicle import VehicleModel
+from services.physics.dynamics.memory import PartWithMemory
 
 from .controller import WheelTargets
 from .motor import BatteryCharge, Motors, UnlimitedSupply
@@ -29,6 +30,8 @@ class SteeringJoint:
     as long as the wheel is wide. At standstill all of its points rub; the faster the wheel rolls,
     the less it resists.
     """
+
+    MEMORY = ("angle_rad", "speed_radps")
 
     __slots__ = (
         "_inertia",
@@ -160,6 +163,8 @@ class RunningGear:
         the mass that rests on each wheel on level ground.
     """
 
+    MEMORY = ("_voltage_share", "driving_w", "braking_w")
+
     def __init__(self, model: VehicleModel, borne_kg: Sequence[float]) -> None:
         self._com = model.chassis.center_m
         self._motors = Motors(model.drive)
@@ -197,6 +202,12 @@ class RunningGear:
         self._no_torques = (None,) * len(self._driven)
         self.driving_w = self.braking_w = 0.0
         """Mechanical power of the motors in the last tick, driving and braking."""
+
+    def parts(self) -> list[PartWithMemory]:
+        """Return the gear and all of its parts that have inner state."""
+        tires = (wheel.tire for wheel in self.wheels)
+        charge = [self._charge] if self._charge else []
+        return [self, *self._driven, *self._free, *tires, *self._steering_joints, *charge]
 
     def angles(self) -> tuple[float, ...]:
         """Return the angles of the steered wheels."""

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from math import isfinite
 from struct import Struct
 
+import msgspec
+
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import floats
 from groundlink.messages.navigation import JointState
@@ -19,6 +21,16 @@ from .controller import MAX_WAITING
 
 Asked = dict[int, tuple[float, float]]
 """Target position and speed by the index of a joint."""
+
+
+class ServosMemory(msgspec.Struct, frozen=True, array_like=True):
+    """Inner state of `Servos`."""
+
+    targets: tuple[tuple[float, float], ...]
+    waiting: tuple[tuple[int, Asked], ...]
+    moves: bool
+    positions: tuple[float, ...]
+    speeds: tuple[float, ...]
 
 
 class Servos:
@@ -78,6 +90,23 @@ class Servos:
         stamp = command.stamp_nanos - self._epoch_nanos
         insort(self._waiting, (stamp, asked), key=lambda waiting: waiting[0])
         return True
+
+    def memory(self) -> ServosMemory:
+        """Return the inner state."""
+        return ServosMemory(
+            targets=tuple(self._targets),
+            waiting=tuple(self._waiting),
+            moves=self._moves,
+            positions=tuple(self.positions),
+            speeds=tuple(self.speeds),
+        )
+
+    def remember(self, memory: ServosMemory) -> None:
+        """Set the inner state."""
+        self._targets, self._waiting = list(memory.targets), list(memory.waiting)
+        self._moves = memory.moves
+        self.positions, self.speeds = list(memory.positions), list(memory.speeds)
+        self._place()
 
     def step(self, sim_nanos: int) -> None:
         """Advance by a tick from `sim_nanos`."""

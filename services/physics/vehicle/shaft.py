@@ -33,6 +33,8 @@ class TurningShaft:
         of its bearings, seen from the shaft.
     """
 
+    MEMORY = ("angle_rad", "speed_radps", "tread_mps", "torque_nm")
+
     __slots__ = (
         "_damping",
         "_radius",

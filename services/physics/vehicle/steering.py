@@ -29,6 +29,8 @@ class SkidSteering:
     A skidding vehicle turns more slowly than its geometry says.
     """
 
+    MEMORY = ()
+
     def __init__(self, model: VehicleModel, drive: SideSteered) -> None:
         wheels = model.wheels
         self._most = drive.max_wheel_speed_radps
@@ -74,6 +76,8 @@ class AckermannSteering:
     the curve of the present steering angles demands, as a differential lets them. At standstill the
     angles are kept; a yaw rate counts only with a speed.
     """
+
+    MEMORY = ("_curvature",)
 
     def __init__(self, model: VehicleModel, drive: Ackermann) -> None:
         wheels = model.wheels

@@ -9,6 +9,7 @@ creeping tire slips below that limit, too, while it rolls.
 """
 
 from math import atan, cbrt, hypot, sin, sqrt
+from typing import ClassVar
 
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.scenario.vehicle import TireSlip
@@ -36,6 +37,11 @@ class Tire:
     axle_ratio
         friction along the axle as a share of that in the rolling direction.
     """
+
+    MEMORY: ClassVar[tuple[str, ...]] = (
+        *("_along_n", "_aside_n", "_x_m", "_y_m"),
+        *("firmness", "limit_n", "resisting_n"),
+    )
 
     __slots__ = (
         "_along_n",
@@ -151,6 +157,8 @@ class CreepingTire(Tire):
     with s the slip over the rolling speed, F = L (1 - (1 - C s / 3 L)^3) up to the limit L. The
     deflection follows with a relaxation length of C over the tread's stiffness.
     """
+
+    MEMORY = (*Tire.MEMORY, "_rolling_mps")
 
     __slots__ = ("_rolling_mps", "_slip")
 

@@ -5,8 +5,8 @@ States are in the frames of the model (the base link's origin, not the center of
 model's order of links and wheels.
 """
 
-from collections.abc import Callable
-from math import cos, sin, sqrt
+from collections.abc import Callable, Mapping, Sequence
+from math import cos, sin
 from struct import Struct
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ from groundlink.scenario.vehicle import Bumper, VehicleModel
 from groundlink.scene.spawn_pose import spawn_pose
 from groundlink.world.mesh_asset import load_mesh
 from groundlink.world.roughness import RoughGround
-from groundlink.world.solids import Mesh
+from groundlink.world.solids import Mesh, Solid
 from groundlink.world.terrain import Ground
 from services.physics.dynamics.backend import (
     CHASSIS,
@@ -34,69 +34,19 @@ from services.physics.dynamics.backend import (
     Twist,
 )
 from services.physics.dynamics.energy_and_contacts import EnergyAndContacts
+from services.physics.dynamics.memory import PartWithMemory, numbers_of, set_numbers
 
+from .body_drag import body_drag
 from .controller import Controller
 from .joint_commands import JointCommandReader
+from .memory import VehicleMemory
 from .ride import EngineShake, Ride, RoughnessAt, no_roughness
 from .running_gear import GroundContact, RunningGear
 from .servos import Servos
-from .urdf import chassis_moments, convex_hull, hull_file, suspension_joint, urdf
+from .urdf import convex_hull, hull_file, suspension_joint, urdf
 
 BOX_POINTS = 4
 """Points at which a side of a box touches a wall; how many touch is known after the first tick."""
-
-AIR_DENSITY_KGPM3 = 1.225
-"""Standard atmosphere at sea level (ISO 2533)."""
-
-
-class BodyDrag:
-    """Aerodynamic drag and damping of one vehicle.
-
-    All vectors are in the base frame. Damping takes a share of the velocity each second, as in game
-    engines.
-    """
-
-    def __init__(self, model: VehicleModel) -> None:
-        chassis, wheels = model.chassis, model.wheels
-        self._com = chassis.center_m
-        self._drag = AIR_DENSITY_KGPM3 / 2 * chassis.drag_area_m2
-        mass = chassis.mass_kg + sum(wheel.mass_kg for wheel in wheels)
-        self._linear = chassis.linear_damping_per_s * mass
-        moments = list(chassis_moments(chassis))
-        for wheel in wheels:
-            x, y, z = (w - c for w, c in zip(wheel.center_m, chassis.center_m, strict=True))
-            for i, square in enumerate((y * y + z * z, x * x + z * z, x * x + y * y)):
-                moments[i] += wheel.mass_kg * square
-        self._angular = [chassis.angular_damping_per_s * moment for moment in moments]
-
-    def slow(
-        self, force: Vector3, torque: Vector3, velocity: Vector3, turn: Vector3
-    ) -> tuple[Vector3, Vector3]:
-        """Add drag and damping to force and torque on the center of mass.
-
-        Parameters
-        ----------
-        velocity, turn
-            velocities of the base's origin, m/s and rad/s.
-        """
-        (x, y, z), (ox, oy, oz) = self._com, turn
-        vx = velocity[0] + oy * z - oz * y
-        vy = velocity[1] + oz * x - ox * z
-        vz = velocity[2] + ox * y - oy * x
-        push = self._linear + self._drag * sqrt(vx * vx + vy * vy + vz * vz)
-        ax, ay, az = self._angular
-        return (
-            (force[0] - push * vx, force[1] - push * vy, force[2] - push * vz),
-            (torque[0] - ax * ox, torque[1] - ay * oy, torque[2] - az * oz),
-        )
-
-
-def body_drag(model: VehicleModel) -> BodyDrag | None:
-    """Return drag and damping of a vehicle, None if it has neither."""
-    chassis = model.chassis
-    resists = (chassis.drag_area_m2, chassis.linear_damping_per_s, chassis.angular_damping_per_s)
-    return BodyDrag(model) if any(resists) else None
-
 
 Friction = Callable[[int, Vector3], float]
 """Coefficient of friction of the ground, by its body and a point in the world."""
@@ -244,8 +194,8 @@ class SimulatedVehicle:
         """Take all velocities away."""
         zero = (0.0, 0.0, 0.0)
         self._backend.set_velocity(self.body, zero, zero)
-        positions = [position for position, *_ in self._sprung]
-        self._backend.set_joint_positions(self.body, self._joints, positions)
+        still = [(position, 0.0) for position, *_ in self._sprung]
+        self._backend.set_joint_states(self.body, self._joints, still)
         self.sense()
 
     def at_rest(self) -> RestState:
@@ -261,11 +211,58 @@ class SimulatedVehicle:
     def put(self, rest: RestState) -> None:
         """Set its state to the rest of another vehicle of its model, before the first step."""
         self._backend.set_pose(self.body, (rest.center_m, rest.orientation))
-        self._backend.set_joint_positions(self.body, self._joints, rest.springs_m)
+        still = [(position, 0.0) for position in rest.springs_m]
+        self._backend.set_joint_states(self.body, self._joints, still)
         for wheel, deflection in zip(self.running_gear.wheels, rest.treads_m, strict=True):
             wheel.tire.deflection_m = deflection
         self._first_contacts = rest.contacts
         self.sense()
+
+    def memory(self, tick: int, bodies: Mapping[int, Sequence[Solid]]) -> VehicleMemory:
+        """Return all that the next tick depends on; the vehicle then takes no more ticks.
+
+        Parameters
+        ----------
+        bodies
+            solids of each body.
+        """
+        backend = self._backend
+        contacts = self._ground_contacts(tick)
+        return VehicleMemory(
+            pose=backend.pose(self.body),
+            twist=backend.velocity(self.body),
+            springs=tuple((position, velocity) for position, velocity, *_ in self._sprung),
+            ground_contacts=tuple(contacts),
+            roughness_under=tuple(self._ride.under) if self._ride else (),
+            bumper_points=self._bumper_points,
+            contacts=self.energy_and_contacts.named(bodies),
+            drive=self.drive.memory(),
+            servos=self.servos.memory(),
+            numbers=numbers_of(self._parts()),
+        )
+
+    def remember(self, memory: VehicleMemory) -> None:
+        """Continue where another vehicle of its model stopped."""
+        self._backend.set_pose(self.body, memory.pose)
+        self._backend.set_joint_states(self.body, self._joints, memory.springs)
+        self._backend.set_velocity(self.body, *memory.twist)
+        self._first_contacts = list(memory.ground_contacts)
+        if self._ride:
+            self._ride.under = list(memory.roughness_under)
+        if self._model.bumper:
+            self._share_bumper(self._model.bumper, memory.bumper_points)
+        self.energy_and_contacts.remember(memory.contacts)
+        self.drive.remember(memory.drive)
+        self.servos.remember(memory.servos)
+        set_numbers(self._parts(), memory.numbers)
+        self.sense()
+
+    def _parts(self) -> list[PartWithMemory]:
+        """Return the parts whose inner state is numbers."""
+        lifts = self._ride.lifts if self._ride else []
+        shake = [self._engine_shake] if self._engine_shake else []
+        steering, gear = self.drive.steering, self.running_gear.parts()
+        return [self.energy_and_contacts, steering, *gear, *lifts, *shake]
 
     def place(self, pose: Pose | None, twist: Twist | None) -> None:
         """Set pose or velocity of the base's origin; None: unchanged.
@@ -281,7 +278,7 @@ class SimulatedVehicle:
         dx, dy, dz = a * cx + b * cy + c * cz, d * cx + e * cy + f * cz, g * cx + h * cy + i * cz
         if pose is not None:
             self._backend.set_pose(self.body, ((x + dx, y + dy, z + dz), orientation))
-            self._backend.set_joint_positions(self.body, self._joints, [0.0] * self._count)
+            self._backend.set_joint_states(self.body, self._joints, [(0.0, 0.0)] * self._count)
             self._first_contacts = [None] * self._count
         # A new pose has taken the velocity away.
         velocity = vx + wy * dz - wz * dy, vy + wz * dx - wx * dz, vz + wx * dy - wy * dx

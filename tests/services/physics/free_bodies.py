@@ -121,10 +121,10 @@ class FreeBodies:
     def joint_states(self, body: int, joints: Sequence[int]) -> Sequence[Sequence[float]]:
         return [self._joints[body][joint] for joint in joints]
 
-    def set_joint_positions(
-        self, body: int, joints: Sequence[int], positions_m: Sequence[float]
+    def set_joint_states(
+        self, body: int, joints: Sequence[int], states: Sequence[tuple[float, float]]
     ) -> None:
-        self._joints[body] |= {j: (at, 0.0) for j, at in zip(joints, positions_m, strict=True)}
+        self._joints[body] |= dict(zip(joints, states, strict=True))
 
     def set_joint_forces(self, body: int, joints: Sequence[int], forces_n: Sequence[float]) -> None:
         """Do nothing: joints stay where they were set."""
