@@ -44,7 +44,8 @@ def journal_key(run: str) -> str:
     """Return the key of a run's journal (see `run.journal`). Served by physics.
 
     Empty parameters select the current episode. `EPISODE` selects one that has just ended, and
-    `EPISODE/NUMBER` its entries from a number on; `/NUMBER`, those of the current episode. The
-    replies, joined, are a journal file.
+    `EPISODE/NUMBER` its entries from a number on; `/NUMBER`, those of the current episode.
+    `EPISODE/NUMBER/NUMBER` adds its checkpoints from a number on. The replies, joined, are a
+    journal file.
     """
     return f"{ROOT}/{run}/journal"

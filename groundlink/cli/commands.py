@@ -26,14 +26,28 @@ from .files import (
     view,
     world,
 )
-from .run import control, demo, drive, fault, link, record, replay, save, spawn, sweep, top, up
+from .run import (
+    control,
+    demo,
+    drive,
+    fault,
+    link,
+    record,
+    replay,
+    save,
+    seek,
+    spawn,
+    sweep,
+    top,
+    up,
+)
 from .search import search
 from .sheets import fit, sensors
 
 GROUPS = {
     "start a run": (demo, up, record, replay, snapshot, sweep, search, bisect),
     "look at a run": (top, view),
-    "control a run": (drive, control, save, spawn, fault, link),
+    "control a run": (drive, control, save, seek, spawn, fault, link),
     "use a recording": (report, judge, verify, resim, export, convert, fit),
     "write a scenario": (new, check, try_vehicle, explain, sensors, topics, schema, world),
     "set up": (compose, secure, completion),

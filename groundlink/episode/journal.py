@@ -26,6 +26,7 @@ from groundlink.core.atomic_file import write_atomically
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
 from groundlink.core.fields import Quaternion, Vector3
+from groundlink.episode.checkpoint import Checkpoint
 from groundlink.episode.control import Remove, WorldChange
 from groundlink.messages.base import Ack, Command, State, WheelCommand, encode
 from groundlink.messages.navigation import JointState
@@ -111,9 +112,9 @@ class StateReset(Entry, frozen=True, tag="state reset"):
     """All vehicles, free actors and moved solids were put back where they began."""
 
 
-AnyEntry = (
-    Commanded | WheelsCommanded | JointsCommanded | WorldChanged | Placed | Described | StateReset
-)
+AnyCommanded = Commanded | WheelsCommanded | JointsCommanded
+
+AnyEntry = AnyCommanded | WorldChanged | Placed | Described | StateReset
 
 _ENTRY = msgspec.msgpack.Decoder(AnyEntry)
 
@@ -137,7 +138,7 @@ class Platform(Struct, frozen=True):
 
 
 class Journal(Struct, frozen=True, kw_only=True):
-    """One episode of a run, from tick 0 to a tick."""
+    """One episode of a run, from tick 0 or a checkpoint to a tick."""
 
     made_on: Platform
     run: str
@@ -159,6 +160,12 @@ class Journal(Struct, frozen=True, kw_only=True):
     entries: tuple[bytes, ...]
     """Entries as MessagePack, in the order of arrival."""
 
+    checkpoint: Checkpoint | msgspec.UnsetType = msgspec.UNSET
+    """Where it begins, with the entries from that tick on; without one, at tick 0."""
+
+    checkpoints: tuple[Checkpoint, ...] | msgspec.UnsetType = msgspec.UNSET
+    """Further checkpoints, for a reader that asks for them."""
+
     left_out: int = 0
     """Number of earlier entries that are omitted because the reader has them."""
 
@@ -177,7 +184,11 @@ class Journal(Struct, frozen=True, kw_only=True):
         changes = (entry.change for entry in self.read() if isinstance(entry, WorldChanged))
         removals = (change for change in changes if isinstance(change, Remove))
         removed = {name for change in removals for name in (change.name, *change.parts)}
-        remaining = tuple(v for v in self.scenario.vehicles if v.name not in removed)
+        begins = self.scenario
+        if self.checkpoint and self.checkpoint.scenario:
+            begins = self.checkpoint.scenario
+        there = {vehicle.name for vehicle in begins.vehicles} - removed
+        remaining = tuple(v for v in self.scenario.vehicles if v.name in there)
         return replace(self.scenario, vehicles=remaining)
 
     def followed_by(self, later: "Journal") -> "Journal":
@@ -205,7 +216,7 @@ def acting_before(
     part, limit = 0, 2**63
     for raw in reversed(tuple(entries)):
         entry = _ENTRY.decode(raw)
-        if not isinstance(entry, Commanded | WheelsCommanded | JointsCommanded):
+        if not isinstance(entry, AnyCommanded):
             limit = entry.tick
             placed.append(((part - 1, limit, ""), raw, raw))
             part -= 2
@@ -217,6 +228,20 @@ def acting_before(
     later = tuple(raw for (_, acts, _), _, raw in placed if acts >= tick)
     earlier = sorted((p for p in placed if p[0][1] < tick), key=lambda p: p[0])
     return tuple(moved for _, moved, _ in earlier), later
+
+
+def acting_since(tick: int, entries: Iterable[bytes]) -> Iterator[AnyEntry]:
+    """Yield the entries that a checkpoint at a tick lacks: those that came or act from then on."""
+    for entry in map(_ENTRY.decode, entries):
+        if entry.tick >= tick or _stamp_tick(entry) >= tick:
+            yield replace(entry, tick=max(entry.tick, tick))
+
+
+def _stamp_tick(entry: AnyEntry) -> int:
+    """Return the tick of a command's stamp; -1 for another entry."""
+    if isinstance(entry, AnyCommanded):
+        return entry.command.stamp_nanos // TICK_NANOS
+    return -1
 
 
 class JournalError(UserError):

@@ -26,6 +26,7 @@ TOPICS_RECORD = "groundlink.topics"
 END_RECORD = "groundlink.end"
 DROPPED_RECORD = "groundlink.dropped"
 JOURNAL_ATTACHMENT = "groundlink.journal"
+CHECKPOINT_ATTACHMENT = "groundlink.checkpoint"
 
 _UNKNOWN = re.compile(
     r"Object contains unknown field `(?P<field>[^`]+)`(?: - at `\$(?P<path>(?:\.\w+|\[\d+\])*)`)?"

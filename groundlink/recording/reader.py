@@ -7,22 +7,24 @@ stay CDR.
 
 import struct
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property, partial
 from operator import attrgetter
 from pathlib import Path
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import msgspec
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, InvalidMagic, McapError
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
-from mcap.records import Chunk, ChunkIndex
-from mcap.stream_reader import get_chunk_data_stream
+from mcap.records import Attachment, Chunk, ChunkIndex
+from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from zstandard import ZstdError
 
 from groundlink.core.errors import UserError
+from groundlink.episode.checkpoint import Checkpoint
+from groundlink.episode.checkpoint import loaded as load_checkpoint
 from groundlink.episode.journal import Journal, loaded
 from groundlink.scenario import Scenario
 
@@ -46,6 +48,19 @@ class RecordedMessage(NamedTuple):
     topic: str
     ros_type: str
     cdr: bytes
+
+
+T = TypeVar("T")
+
+
+class Attached(NamedTuple, Generic[T]):
+    """Something that is attached to a recording."""
+
+    nanos: int
+    """Its log time."""
+
+    load: Callable[[], T]
+    """Returns it; raises a UserError when it is damaged or of another version."""
 
 
 class Recording:
@@ -137,11 +152,41 @@ class Recording:
             when it is damaged or of another version.
         """
         found: Journal | None = None
-        for attachment in self._reader.iter_attachments():
-            if attachment.name == metadata.JOURNAL_ATTACHMENT:
-                part = loaded(attachment.data, str(self.path))
-                found = part if found is None else found.followed_by(part)
+        for part in self.journal_parts:
+            journal = part.load()
+            found = journal if found is None else found.followed_by(journal)
         return found
+
+    @property
+    def journal_parts(self) -> "list[Attached[Journal]]":
+        """The parts of the journal, in the order of their times."""
+        return self._attached(metadata.JOURNAL_ATTACHMENT, loaded)
+
+    @property
+    def checkpoints(self) -> "list[Attached[Checkpoint]]":
+        """The checkpoints, in the order of their times."""
+        return self._attached(metadata.CHECKPOINT_ATTACHMENT, load_checkpoint)
+
+    def _attached(self, name: str, load: Callable[[bytes, str], T]) -> "list[Attached[T]]":
+        summary = self._reader.get_summary()
+        indexes = summary.attachment_indexes if summary else ()
+        found = [
+            Attached(index.log_time, partial(self._load, index.offset, load))
+            for index in indexes
+            if index.name == name
+        ]
+        return sorted(found, key=lambda each: each.nanos)
+
+    def _load(self, offset: int, load: Callable[[bytes, str], T]) -> T:
+        """Return what is attached at an offset of the file."""
+        self._file.seek(offset)
+        try:
+            record = next(StreamReader(self._file, skip_magic=True).records)
+        except (McapError, StopIteration, struct.error, ValueError) as error:
+            raise UserError(f"{self.path}: damaged: {_reason(error)}") from None
+        if not isinstance(record, Attachment):
+            raise UserError(f"{self.path}: damaged: an attachment is not where its index says")
+        return load(record.data, str(self.path))
 
     @property
     def started_as(self) -> Scenario:

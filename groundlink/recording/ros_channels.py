@@ -114,6 +114,12 @@ class RosFile:
             metadata.JOURNAL_ATTACHMENT, "application/octet-stream", nanos, part
         )
 
+    def add_checkpoint(self, nanos: int, checkpoint: bytes) -> None:
+        """Attach a checkpoint of the run."""
+        self.mcap.add_attachment(
+            metadata.CHECKPOINT_ATTACHMENT, "application/octet-stream", nanos, checkpoint
+        )
+
     def end(self, nanos: int) -> None:
         """Record that the file is complete up to a stamp."""
         self.mcap.add_metadata(metadata.END_RECORD, {"nanos": str(nanos)})

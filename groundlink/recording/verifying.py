@@ -190,7 +190,14 @@ def replay_journal(recording: Recording, scenario: Scenario) -> journals.Journal
         )
         for vehicle in scenario.vehicles
     )
-    time = replace(scenario.time, mode="fast", lockstep="sensors", overload="slow")
+    checkpoint_s = recording.started_as.time.checkpoint_s
+    time = replace(
+        scenario.time,
+        mode="fast",
+        lockstep="sensors",
+        overload="slow",
+        checkpoint_s=checkpoint_s,
+    )
     again = replace(scenario, vehicles=vehicles, time=time)
     # Messages in transit at the end need further ticks.
     journal = recording.journal or _guessed(recording)

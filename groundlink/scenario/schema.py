@@ -354,6 +354,10 @@ class Time(Spec, frozen=True):
     """Largest lead of physics over the slowest process that it waits for. At least a period of the
     clock, since gateway and recorder report their progress with each clock message."""
 
+    checkpoint_s: Annotated[float, Meta(ge=0.5, le=60)] | None = None
+    """Sim time between checkpoints, from which `seek` continues a recorded run. Default: none. At
+    a checkpoint physics rebuilds all that moves, which changes the last digits of the motion."""
+
     answers: dict[RosTopic, RosTopic] = field(default_factory=DEFAULT_ANSWERS.copy)
     """With `lockstep: ros`: each key is a topic on which ROS answers, and its value the topic that
     it answers, one message for each message. Sim time advances after the answers."""

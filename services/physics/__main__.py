@@ -42,6 +42,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         default=[],
         help="wait for this process before the run begins, such as recorder; repeatable",
     )
+    parser.add_argument("--paused", action="store_true", help="pause the run before its first step")
     options = parser.parse_args(arguments)
     source = source_of(options)
     run = options.run or source.scenario.name
@@ -51,6 +52,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         claim = claim_name(bus, run, NAME)
         physics = PhysicsServer(source, run, bus, required=options.wait_for)
         heartbeat = Heartbeat(bus, run, NAME, claim)
+        if options.paused:
+            physics.control.pause()
         try:
             _step_until(stop.is_set, physics, heartbeat)
         finally:

@@ -6,15 +6,18 @@ a killed recorder has nearly all of it.
 """
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from msgspec.structs import replace
 
-from groundlink.core.clock import NANOS
+from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.core.errors import UserError
+from groundlink.episode.checkpoint import Checkpoint
+from groundlink.episode.checkpoint import dumped as dump_checkpoint
 from groundlink.episode.journal import Journal, dumped, loaded
+from groundlink.messages.base import Clock
 from groundlink.recording.metadata import RUN_RECORD, describe_run, run_entries
 from groundlink.recording.ros_channels import RosFile
 from groundlink.scenario import Scenario
@@ -51,6 +54,9 @@ class McapFiles:
         self._entries = 0
         """Journal entries in the file."""
 
+        self._checkpoints = 0
+        """Checkpoints in the file."""
+
         self._next_journal_nanos = 0
 
     @property
@@ -76,6 +82,7 @@ class McapFiles:
         run = describe_run(self._scenario, self._run, epoch_nanos)
         file.mcap.add_metadata(RUN_RECORD, run_entries(run))
         self._file, self._entries, self._next_journal_nanos = file, 0, 0
+        self._checkpoints = 0
         return file
 
     def _follow_world(self) -> None:
@@ -112,6 +119,24 @@ class McapFiles:
         journal = self._query(recorder.clock.episode, self._entries)
         if journal is not None:
             self._attach(recorder.clock.stamp_nanos, journal)
+        self._add_checkpoints(self._new_checkpoints(recorder.clock), recorder.clock)
+
+    def _new_checkpoints(self, clock: Clock) -> tuple[Checkpoint, ...]:
+        """Return the checkpoints of the present episode that the file lacks."""
+        if self._scenario.time.checkpoint_s is None:
+            return ()
+        with suppress(UserError):  # physics is of another version, or does not answer
+            asked = f"{clock.episode}/{NO_ENTRIES}/{self._checkpoints}"
+            return loaded(self._ask(asked), "physics").checkpoints or ()
+        return ()
+
+    def _add_checkpoints(self, checkpoints: Sequence[Checkpoint], clock: Clock) -> None:
+        assert self._file is not None
+        for checkpoint in checkpoints:
+            nanos = clock.epoch_nanos + checkpoint.tick * TICK_NANOS
+            # As that of the journal, the number of the episode would make equal files differ.
+            self._file.add_checkpoint(nanos, dump_checkpoint(checkpoint.of_episode(0)))
+        self._checkpoints += len(checkpoints)
 
     def _query(self, episode: int, left_out: int) -> Journal | None:
         """Return the journal of an episode without its first entries; None without an answer."""

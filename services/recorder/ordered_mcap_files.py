@@ -7,16 +7,21 @@ journal is added at fixed simulation times, with every command at the tick from 
 """
 
 import math
+import time
 from collections.abc import Mapping
 
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
-from groundlink.episode.journal import acting_before
+from groundlink.episode.checkpoint import Checkpoint, period_ticks
+from groundlink.episode.journal import Journal, acting_before
 from groundlink.recording.ros_channels import RecordedTopic, RosFile
 
 from .mcap_files import JOURNAL_NANOS, McapFiles
 from .recorder import Recorder, RecordingFile
+
+ASK_TIMES, ASK_SECONDS = 100, 0.02
+"""How often physics is asked for a checkpoint that it is about to complete, and the interval."""
 
 SLICE_NANOS = NANOS // 2
 """Simulation time of a slice: the most that a killed recorder loses, besides sensor latency."""
@@ -136,8 +141,28 @@ class OrderedMcapFiles(McapFiles):
         journal = self._query(recorder.clock.episode, self._entries + len(self._waiting))
         if journal is None:
             return
+        self._add_checkpoints(self._due_checkpoints(recorder, journal), recorder.clock)
         tick = (self._written_nanos - journal.epoch_nanos) // TICK_NANOS
         entries, self._waiting = acting_before(tick, (*self._waiting, *journal.entries))
         # How far physics is by now differs from run to run.
         part = replace(journal, tick=tick, digest="", entries=entries, left_out=self._entries)
         self._attach(self._written_nanos, part)
+
+    def _due_checkpoints(self, recorder: Recorder, journal: Journal) -> list[Checkpoint]:
+        """Return the checkpoints before the messages written, that every process has left behind.
+
+        Physics may not yet have the acknowledgements that the recorder has; it gets them soon.
+        """
+        assert recorder.clock is not None
+        scenario = self._scenario
+        if scenario.time.checkpoint_s is None:
+            return []
+        tick = (self._written_nanos - journal.epoch_nanos) // TICK_NANOS - recorder.silent_ticks
+        begins = journal.checkpoint.tick if journal.checkpoint else 0
+        period = period_ticks(scenario.time.checkpoint_s)
+        count = max(tick // period - begins // period, 0) - self._checkpoints
+        for _ in range(ASK_TIMES if count > 0 else 0):
+            if len(found := self._new_checkpoints(recorder.clock)) >= count:
+                return list(found[:count])
+            time.sleep(ASK_SECONDS)
+        return []

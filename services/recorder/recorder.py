@@ -186,6 +186,11 @@ class Recorder:
         return [*self._outgoing.values(), *self._incoming.values()]
 
     @property
+    def silent_ticks(self) -> int:
+        """The longest time of a participant from an instant to its first message about it."""
+        return max((each.silent_ticks for each in self._participants.values()), default=0)
+
+    @property
     def file(self) -> RecordingFile | None:
         """The open file; None before the first clock."""
         return self._file

@@ -57,6 +57,12 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--realtime", action="store_true", help="run in real time instead of as fast as possible"
     )
+    parser.add_argument(
+        "--checkpoints",
+        type=float,
+        metavar="S",
+        help="make a checkpoint every S seconds of sim time, for `groundlink seek`",
+    )
     running.add_arguments(parser, "scenario's", ros=False)
     overrides.add_argument(parser)
     add_json_option(parser)
@@ -69,6 +75,8 @@ def record(options: argparse.Namespace) -> int:
 
     The file has every declared rate, no vehicle ended badly, and every expectation passed.
     """
+    if options.checkpoints is not None:
+        options.set = [*options.set, f"time.checkpoint_s={options.checkpoints}"]
     changes = overrides.field_changes(options.set)
     scenario = running.load_scenario(options.scenario, changes)
     out = Path(options.out)

@@ -3,6 +3,7 @@
 
 import argparse
 import json
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -26,10 +27,13 @@ from groundlink.monitor.expectation_monitor import ExpectationMonitor
 from groundlink.monitor.mission_monitor import MissionMonitor
 from groundlink.monitor.run_monitor import RunMonitor
 
-from . import running, supervised
+from . import running, seek, supervised
 
 START_SECONDS = 20.0
 """Maximum wait for streams before the duration starts."""
+
+SEEKED = "instant.run"
+"""File of a saved run at an instant of a recording."""
 
 TELL_SECONDS = 4.0
 """Time after which the command reports what it waits for."""
@@ -38,7 +42,15 @@ TELL_SECONDS = 4.0
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
     parser = subparsers.add_parser("up", help="run a scenario on this machine")
-    parser.add_argument("scenario", help=f"{running.SCENARIO_HELP}; or a saved run to continue")
+    parser.add_argument(
+        "scenario",
+        help=f"{running.SCENARIO_HELP}; a saved run to continue; or, with --at, a recording",
+    )
+    seek.add_instant(
+        parser,
+        required=False,
+        help_text="start at this sim time of a recorded run, in seconds, and paused",
+    )
     parser.add_argument(
         "--duration",
         type=float,
@@ -80,6 +92,16 @@ def up(options: argparse.Namespace) -> int:
     Every declared rate was kept. No vehicle ended stuck, tipped over, falling or off the map, if it
     has a route or the run a duration. Every expectation of the scenario passed.
     """
+    if options.at is None:
+        return _up(options)
+    content = seek.saved_run(Path(options.scenario), options.at)
+    with tempfile.TemporaryDirectory() as folder:
+        options.scenario = str(Path(folder, SEEKED))
+        journal.write(Path(options.scenario), content)
+        return _up(options)
+
+
+def _up(options: argparse.Namespace) -> int:
     if journal.is_saved_run(file := Path(options.scenario)):
         described = journal.loaded(journal.read(file), options.scenario).remaining_scenario()
         if options.set:
@@ -106,6 +128,8 @@ def up(options: argparse.Namespace) -> int:
         sensors_together=options.sensors_together,
     )
     commands["physics"] += overrides.forwarded(options) + time_options.forwarded(options)
+    if options.at is not None:
+        commands["physics"] += ["--paused"]
     if options.record:
         commands["physics"] += ["--wait-for", running.RECORDER]
         commands[running.RECORDER] = process_commands.recorder(options.record, run, options.listen)

@@ -6,6 +6,7 @@ The registry follows from the journal, so a restored episode has the same one.
 
 from collections.abc import Mapping
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from groundlink.episode.control import Move, Spawn, WorldChange
@@ -29,6 +30,19 @@ from services.physics.dynamics.backend import Twist
 STILL: Twist = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
+class EntityMemory(Struct, frozen=True, array_like=True):
+    """Content of an `EntityRegistry`."""
+
+    groups: dict[str, SolidGroup] = {}
+    descriptions: dict[str, EntityDescription] = {}
+    first_groups: dict[str, SolidGroup] = {}
+    first_poses: dict[str, Pose] = {}
+
+
+NO_ENTITIES = EntityMemory()
+"""Of a world that nothing has changed."""
+
+
 class EntityRegistry:
     """Spawned groups of solids, first poses of what was moved, and descriptions.
 
@@ -40,12 +54,21 @@ class EntityRegistry:
         what tools are told of entities, by name, in place of the scenario's.
     """
 
-    def __init__(self) -> None:
-        self.groups: dict[str, SolidGroup] = {}
-        self.descriptions: dict[str, EntityDescription] = {}
-        self._first_groups: dict[str, SolidGroup] = {}
-        self._first_poses: dict[str, Pose] = {}
+    def __init__(self, memory: EntityMemory = NO_ENTITIES) -> None:
+        self.groups: dict[str, SolidGroup] = dict(memory.groups)
+        self.descriptions: dict[str, EntityDescription] = dict(memory.descriptions)
+        self._first_groups: dict[str, SolidGroup] = dict(memory.first_groups)
+        self._first_poses: dict[str, Pose] = dict(memory.first_poses)
         """Poses of moved solids before they were moved."""
+
+    def memory(self) -> EntityMemory:
+        """Return what another registry continues with."""
+        return EntityMemory(
+            dict(self.groups),
+            dict(self.descriptions),
+            dict(self._first_groups),
+            dict(self._first_poses),
+        )
 
     def changed(self, change: WorldChange, before: Scenario, after: Scenario) -> None:
         """Record a change of the world; `before` and `after` are its scenarios."""

@@ -7,6 +7,7 @@ All that a reset starts anew is here, and nothing else: processes and their conn
 from collections import deque
 from collections.abc import Mapping, Sequence
 
+import msgspec
 from msgspec import UNSET
 from msgspec.structs import replace
 
@@ -14,6 +15,7 @@ from groundlink.bus.core_topics import GATEWAY, RECORDER
 from groundlink.bus.topics import driver_names, process_names
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ, TICK_SECONDS, Schedule
 from groundlink.core.errors import UserError
+from groundlink.episode.checkpoint import Checkpoint, period_ticks
 from groundlink.episode.control import Move, Remove, Spawn, WorldChange
 from groundlink.episode.journal import (
     AnyEntry,
@@ -48,15 +50,24 @@ from groundlink.scene.change import with_more, with_moved, without, without_part
 from groundlink.world.actors import EntityDescription
 from groundlink.world.solids import Solid
 from services.physics.dynamics.backend import Pose, Twist
-from services.physics.simulation.simulation import Simulation
+from services.physics.simulation.simulation import Simulation, SimulationMemory
 
-from .entities import EntityRegistry
+from .entities import NO_ENTITIES, EntityMemory, EntityRegistry
 from .ground_truth import BodyTruth, VehicleTruth, map_truth
 from .pacer import pacer_for
-from .participants import PendingAcks
+from .participants import CheckpointAcks, PendingAcks
 from .publishers import Publishers
 
 VITALS_TICKS = TICK_RATE_HZ // VITALS_HZ
+
+
+class PhysicsMemory(msgspec.Struct, frozen=True, array_like=True):
+    """Inner state of physics in a checkpoint."""
+
+    simulation: SimulationMemory | None = None
+    """None: of tick 0."""
+
+    entities: EntityMemory = NO_ENTITIES
 
 
 class Episode:
@@ -72,6 +83,8 @@ class Episode:
         epoch of the run that is continued; None: a new epoch.
     in_loaded_world
         whether the world was loaded into the run.
+    checkpoint
+        where it begins; None: at tick 0 of `scenario`.
 
     Attributes
     ----------
@@ -91,32 +104,46 @@ class Episode:
         wall_nanos: int,
         epoch_nanos: int | None = None,
         in_loaded_world: bool = False,
+        checkpoint: Checkpoint | None = None,
     ) -> None:
         self._in_loaded_world = in_loaded_world
         self._run, self.publish, self._required = run, publish, required
-        self._at_start = self.scenario = scenario
+        self._at_start, self._begins_at = scenario, checkpoint
+        memory, tick = PhysicsMemory(), 0
+        if checkpoint is not None:
+            memory = msgspec.msgpack.decode(checkpoint.memory, type=PhysicsMemory)
+            scenario = replace(checkpoint.scenario or scenario, time=scenario.time)
+            tick = checkpoint.tick
+        self.scenario = scenario
         self.world_hash = world_hash(scenario)
         self.worlds = {self.world_hash: scenario}
-        static = solids(scenario)
-        self._simulation = Simulation(scenario, static)
+        self._static = static = solids(scenario)
+        self._simulation = Simulation(scenario, static, memory=memory.simulation)
         self._clock = Schedule.at(scenario.time.clock_rate_hz)
-        self._next_clock = 0
-        self._history: deque[bytes] = deque(maxlen=HISTORY_TICKS)
+        self._next_clock = self._clock.first_at_or_after(tick)
+        period_s = scenario.time.checkpoint_s
+        self._checkpoint_ticks = None if period_s is None else period_ticks(period_s)
+        self.checkpoints = CheckpointAcks()
+        # Processes continue from acknowledgements that may be older than a period.
+        kept = HISTORY_TICKS + 2 * (self._checkpoint_ticks or 0)
+        self._history: deque[bytes] = deque(maxlen=kept)
         self._entries: list[bytes] = []
         self._acks: dict[str, Ack] = {}
         self._predecessors: set[str] = set()
         self._cut_off: set[str] = set()
-        self._truths = [VehicleTruth(vehicle) for vehicle in scenario.vehicles]
-        self._bodies = BodyTruth(scenario, static)
-        self._map = map_truth(scenario, static)
-        self.entities = EntityRegistry()
+        self._truths = [VehicleTruth(vehicle, tick) for vehicle in scenario.vehicles]
+        self._bodies = BodyTruth(scenario, static, from_tick=tick)
+        self._map = map_truth(scenario, static, from_tick=tick)
+        self.entities = EntityRegistry(memory.entities)
         self._pending_acks = PendingAcks()
         self.number = wall_nanos
         if epoch_nanos is None:
             epoch_nanos = scenario.time.epoch_nanos
         self._follows_wall = epoch_nanos is None
         self.epoch_nanos = self.number if epoch_nanos is None else epoch_nanos
-        self.pacer = pacer_for(scenario, self.number, required)
+        self.pacer = pacer_for(self._at_start, self.number, required)
+        if scenario is not self._at_start:
+            self._only_present()
 
     @property
     def _is_realtime(self) -> bool:
@@ -155,7 +182,7 @@ class Episode:
         simulation, static = self._simulation, solids(scenario)
         self._map.change(scenario, static)
         simulation.become(scenario, static)
-        self.scenario = scenario
+        self.scenario, self._static = scenario, static
         self.world_hash = world_hash(scenario)
         self.worlds[self.world_hash] = scenario
         self._bodies.change(scenario, static)
@@ -163,7 +190,12 @@ class Episode:
         self._truths = [
             known.get(v.name) or VehicleTruth(v, self.tick + 1) for v in scenario.vehicles
         ]
-        self.pacer.participants.only((*process_names(scenario), RECORDER, *self._required))
+        self._only_present()
+
+    def _only_present(self) -> None:
+        """Wait for no process of vehicles that are not in the world."""
+        names = process_names(self.scenario)
+        self.pacer.participants.only((*names, RECORDER, *self._required))
 
     def place(self, name: str, pose: Pose | None, twist: Twist | None) -> None:
         """Set pose or velocity of a vehicle or a free actor before the next step.
@@ -215,6 +247,7 @@ class Episode:
         In lockstep, they do not count before the process has asked for what it missed.
         """
         self.pacer.participants.left(process)
+        self.checkpoints.left(process)
         if not self._is_realtime and (
             self.scenario.sensor(process) or process in driver_names(self.scenario)
         ):
@@ -224,6 +257,7 @@ class Episode:
         """Take an acknowledgement, of this episode or an earlier one."""
         if ack.episode == self.number and process not in self._cut_off:
             self._pending_acks.add(process, ack)
+            self.checkpoints.acknowledged(process, ack)
 
     def command(
         self,
@@ -303,6 +337,7 @@ class Episode:
             entries=tuple(self._entries[left_out:]),
             left_out=left_out,
             acks=dict(self._acks),
+            checkpoint=self._begins_at or UNSET,
             in_loaded_world=True if self._in_loaded_world else UNSET,
         )
 
@@ -310,6 +345,8 @@ class Episode:
         """Carry over the acknowledgements of an earlier episode that had come to this tick."""
         self._acks = {name: replace(ack, episode=self.number) for name, ack in acks.items()}
         self._predecessors = set(acks)
+        for ack in acks.values():
+            self._pending_acks.assume(ack)
 
     def apply_acks(self) -> None:
         """Apply acknowledgements whose commands have come."""
@@ -344,7 +381,27 @@ class Episode:
     def step(self) -> None:
         """Step one tick and publish the new state."""
         self._simulation.step()
+        if self._checkpoint_ticks is not None and self.tick % self._checkpoint_ticks == 0:
+            self._make_checkpoint()
         self._publish_all()
+
+    def _make_checkpoint(self) -> None:
+        """Continue from a checkpoint of this tick as an episode does that begins with it."""
+        simulation, scenario = self._simulation, self.scenario
+        known = simulation.memory()
+        if simulation.is_as_built:
+            simulation.continue_from(known, scenario)
+        else:
+            simulation.close()
+            self._simulation = Simulation(scenario, self._static, memory=known)
+        memory = PhysicsMemory(known.stamped_before_tick(), self.entities.memory())
+        checkpoint = Checkpoint(
+            tick=self.tick,
+            scenario=UNSET if scenario is self._at_start else scenario,
+            memory=msgspec.msgpack.encode(memory),
+            acks={},
+        )
+        self.checkpoints.add(checkpoint, self._acks.keys() - {RECORDER})
 
     def _publish_all(self) -> None:
         """Publish the state of this tick, after all else that is due with it.

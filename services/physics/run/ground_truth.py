@@ -171,10 +171,10 @@ class VehicleTruth:
 
 
 class BodyTruth:
-    """Ground truth of all bodies of the run."""
+    """Ground truth of all bodies of the run, from a tick on."""
 
-    def __init__(self, scenario: Scenario, static: Sequence[Solid]) -> None:
-        self._instants = _Instants(scenario.bodies.rate_hz)
+    def __init__(self, scenario: Scenario, static: Sequence[Solid], *, from_tick: int = 0) -> None:
+        self._instants = _Instants(scenario.bodies.rate_hz, from_tick)
         self._before: dict[str, memoryview] = {}
         self.change(scenario, static)
 
@@ -216,9 +216,11 @@ class MapTruth:
         which map a scenario asks for.
     """
 
-    def __init__(self, spec: TrueMap, scenario: Scenario, static: Sequence[Solid]) -> None:
+    def __init__(
+        self, spec: TrueMap, scenario: Scenario, static: Sequence[Solid], *, from_tick: int = 0
+    ) -> None:
         self._spec = spec
-        self._instants = _Instants(spec.rate_hz)
+        self._instants = _Instants(spec.rate_hz, from_tick)
         self.change(scenario, static)
 
     def change(self, scenario: Scenario, static: Sequence[Solid]) -> None:
@@ -259,7 +261,9 @@ class NoMapTruth(MapTruth):
         """Return None: no map is ever due."""
 
 
-def map_truth(scenario: Scenario, static: Sequence[Solid]) -> MapTruth:
+def map_truth(scenario: Scenario, static: Sequence[Solid], *, from_tick: int = 0) -> MapTruth:
     """Return the true map of a scenario, or its stand-in."""
     spec = scenario.true_map
-    return NoMapTruth() if spec is None else MapTruth(spec, scenario, static)
+    if spec is None:
+        return NoMapTruth()
+    return MapTruth(spec, scenario, static, from_tick=from_tick)

@@ -4,8 +4,10 @@
 Ticks and acknowledgements come in as arguments; nothing here reads a clock.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 
+from groundlink.episode.checkpoint import Checkpoint
 from groundlink.messages.base import Ack
 
 AckRequirement = Callable[[int], int]
@@ -121,6 +123,13 @@ class PendingAcks:
         if tick >= newest:
             self._commanded[vehicle] = tick, count + 1 if tick == newest else 1
 
+    def assume(self, ack: Ack) -> None:
+        """Count the commands that an acknowledgement of a predecessor refers to as come."""
+        for vehicle, tick in ack.commanded.items():
+            count = (ack.commands or {}).get(vehicle, 0)
+            known = self._commanded.get(vehicle, NO_COMMAND)
+            self._commanded[vehicle] = max(known, (tick, count))
+
     def add(self, process: str, ack: Ack) -> None:
         """Add an acknowledgement; it replaces an earlier one of its process."""
         self._pending[process] = ack
@@ -132,3 +141,40 @@ class PendingAcks:
             needed = ((v, (tick, counts.get(v, 0))) for v, tick in ack.commanded.items())
             if all(self._commanded.get(v, NO_COMMAND) >= command for v, command in needed):
                 yield process, self._pending.pop(process)
+
+
+class CheckpointAcks:
+    """Checkpoints of an episode, each complete when all processes have published what is before it.
+
+    Attributes
+    ----------
+    complete
+        in the order of their ticks.
+    """
+
+    def __init__(self) -> None:
+        self.complete: list[Checkpoint] = []
+        self._open: deque[tuple[Checkpoint, set[str]]] = deque()
+
+    def add(self, checkpoint: Checkpoint, processes: Iterable[str]) -> None:
+        """Add a checkpoint that waits for acknowledgements of processes."""
+        self._open.append((checkpoint, set(processes)))
+        self._complete()
+
+    def acknowledged(self, process: str, ack: Ack) -> None:
+        """Take an acknowledgement of the episode, in the order in which its process sent it."""
+        for checkpoint, awaited in self._open:
+            if process in awaited and ack.settled_tick >= checkpoint.tick:
+                awaited.discard(process)
+                checkpoint.acks[process] = ack
+        self._complete()
+
+    def left(self, process: str) -> None:
+        """Complete checkpoints without a process that has left."""
+        for _, awaited in self._open:
+            awaited.discard(process)
+        self._complete()
+
+    def _complete(self) -> None:
+        while self._open and not self._open[0][1]:
+            self.complete.append(self._open.popleft()[0])

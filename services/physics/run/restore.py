@@ -5,12 +5,13 @@ Every entry takes effect before the same step as the first time. Nothing is publ
 no clock is read: the caller says how many steps to take at a time.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 
 from msgspec.structs import replace
 
 from groundlink.core.errors import UserError
+from groundlink.episode.checkpoint import Checkpoint
 from groundlink.episode.control import Spawn
 from groundlink.episode.journal import AnyEntry, Journal, WorldChanged, this_platform
 from groundlink.process import asset_exchange
@@ -28,13 +29,13 @@ class JournalArchive:
     """The journals of the present episode and of the one that ended last."""
 
     def __init__(self) -> None:
-        self._ended: Journal | None = None
+        self._ended: tuple[Journal, Sequence[Checkpoint]] | None = None
         this_platform()  # Slow the first time; not to be called first between two ticks.
 
     def ends(self, episode: Episode) -> None:
         """Keep the journal of an episode that ends."""
         with suppress(UserError):  # It may not have begun.
-            self._ended = episode.journal()
+            self._ended = episode.journal(), episode.checkpoints.complete
 
     def journal(self, present: Episode, asked: str) -> Journal | None:
         """Return what a query of `journal_key` asks for; None if it is not there.
@@ -44,15 +45,19 @@ class JournalArchive:
         UserError
             when the episode has not begun.
         """
-        number, _, left_out = asked.partition("/")
-        if not (number + left_out).isdecimal() and asked:
+        number, left_out, known = (*asked.split("/"), "", "")[:3]
+        if not (number + left_out + known).isdecimal() and asked:
             return None
         first = int(left_out or 0)
         if not number or int(number) == present.number:
-            return present.journal(first)
-        if self._ended is None or int(number) != self._ended.episode:
+            journal = present.journal(first)
+            checkpoints: Sequence[Checkpoint] = present.checkpoints.complete
+        elif self._ended is not None and int(number) == self._ended[0].episode:
+            journal, checkpoints = self._ended
+            journal = replace(journal, entries=journal.entries[first:], left_out=first)
+        else:
             return None
-        return replace(self._ended, entries=self._ended.entries[first:], left_out=first)
+        return replace(journal, checkpoints=tuple(checkpoints[int(known) :])) if known else journal
 
 
 class JournalPlayer:
@@ -82,7 +87,7 @@ class Restoration:
     Parameters
     ----------
     episode
-        of the journal's scenario, at tick 0, that publishes nothing.
+        of the journal's scenario, at its begin, that publishes nothing.
 
     Attributes
     ----------
@@ -125,7 +130,7 @@ class Restoration:
     def difference(self) -> str:
         """Return a line on how the result differs; empty if it is the same to the bit."""
         there, here = self._journal, self.episode.journal()
-        if here.digest == there.digest:
+        if there.digest in ("", here.digest):  # recordings have none
             return ""
         unlike = there.made_on.differences(here.made_on)
         cause = f"it was saved with {unlike}" if unlike else "though the machine is the same"
@@ -147,9 +152,13 @@ def check_data(journal: Journal) -> None:
         raise UserError(
             f"the saved run lacks its first {journal.left_out} entries. Fix: save it again"
         )
+    begins_at = journal.checkpoint
+    worlds = [begins_at.scenario] if begins_at and begins_at.scenario else []
     changes = (entry.change for entry in journal.read() if isinstance(entry, WorldChanged))
     added = (change.more for change in changes if isinstance(change, Spawn))
-    needed = [digest for it in (journal.scenario, *added) for digest in asset_exchange.needed(it)]
+    needed = [
+        digest for it in (journal.scenario, *worlds, *added) for digest in asset_exchange.needed(it)
+    ]
     if lacking := assets.missing(needed):
         raise UserError(
             f"the host of physics lacks asset {lacking[0][:12]} of the saved world. Fix: "

@@ -25,6 +25,7 @@ from groundlink.bus.queries import (
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import process_names
 from groundlink.core.errors import UserError
+from groundlink.episode.checkpoint import Checkpoint
 from groundlink.episode.control import Spawn, WorldChange
 from groundlink.episode.journal import Journal, dumped, loaded, parts
 from groundlink.process import asset_exchange
@@ -305,7 +306,8 @@ class PhysicsServer:
         self._refuse_if_repeating()
         check_processes(saved, self._started)
         check_data(saved)
-        self._start_to_restore(saved, replace(saved.scenario, time=self._started.time))
+        time = replace(self._started.time, checkpoint_s=saved.scenario.time.checkpoint_s)
+        self._start_to_restore(saved, replace(saved.scenario, time=time))
 
     def _refuse_if_repeating(self) -> None:
         if self._followed is not None:
@@ -315,7 +317,9 @@ class PhysicsServer:
 
     def _start_to_restore(self, saved: Journal, scenario: Scenario) -> None:
         self.is_in_loaded_world |= bool(saved.in_loaded_world)
-        episode = self._new_episode(scenario, silent_publishers(), saved.epoch_nanos)
+        episode = self._new_episode(
+            scenario, silent_publishers(), saved.epoch_nanos, saved.checkpoint or None
+        )
         episode.begin(time.time_ns(), time.monotonic())
         self._restoration = Restoration(saved, episode)
         self.control.restoring_to = saved.tick
@@ -379,18 +383,27 @@ class PhysicsServer:
         self._has_begun = True
 
     def _new_episode(
-        self, scenario: Scenario, publishers: Publishers, epoch_nanos: int | None = None
+        self,
+        scenario: Scenario,
+        publishers: Publishers,
+        epoch_nanos: int | None = None,
+        checkpoint: Checkpoint | None = None,
     ) -> Episode:
         if self._followed is not None:
             epoch_nanos = self._followed.epoch_nanos
+            checkpoint = self._followed.checkpoint or None
         self._player = JournalPlayer(self._followed)
-        return Episode(
+        episode = Episode(
             *(scenario, self._run, publishers),
             required=self._required,
             wall_nanos=time.time_ns(),
             epoch_nanos=epoch_nanos,
             in_loaded_world=self.is_in_loaded_world,
+            checkpoint=checkpoint,
         )
+        if checkpoint is not None:
+            episode.take_over(checkpoint.acks)
+        return episode
 
     def close(self) -> None:
         """End the simulation."""

@@ -43,6 +43,12 @@ class SimulationMemory(Struct, frozen=True, array_like=True):
     free_actors: dict[str, tuple[Pose, Twist]]
     """Of their origins."""
 
+    def stamped_before_tick(self) -> "SimulationMemory":
+        """Return it without commands that act from its tick on: a journal has them."""
+        nanos = self.tick * TICK_NANOS
+        vehicles = {name: v.stamped_before(nanos) for name, v in self.vehicles.items()}
+        return replace(self, vehicles=vehicles)
+
 
 NOTHING_KNOWN = SimulationMemory(0, {}, {})
 """Of a simulation at tick zero."""

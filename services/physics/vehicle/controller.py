@@ -11,6 +11,7 @@ from math import copysign, isfinite, radians
 from typing import NamedTuple
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_SECONDS
 from groundlink.messages.base import Command, WheelCommand
@@ -64,12 +65,19 @@ class ControllerMemory(Struct, frozen=True, array_like=True):
     now_nanos: int
     since_nanos: int
     waiting: tuple[tuple[int, TargetsMemory], ...]
+    """With their stamps, in sim time."""
+
     asked: TargetsMemory | None
     """None: the commands of `joints`."""
 
     joints: JointsMemory
     ramped: Twist | None
     wheels: WheelTargets
+
+    def stamped_before(self, nanos: int) -> "ControllerMemory":
+        """Return it without commands that have this stamp or a later one."""
+        waiting = tuple(command for command in self.waiting if command[0] < nanos)
+        return replace(self, waiting=waiting)
 
 
 class Controller:
@@ -135,7 +143,10 @@ class Controller:
         return ControllerMemory(
             now_nanos=self._now_nanos,
             since_nanos=self._since_nanos,
-            waiting=tuple((nanos, TargetsMemory.of(targets)) for nanos, targets in self._waiting),
+            waiting=tuple(
+                (nanos - self._latency_nanos, TargetsMemory.of(targets))
+                for nanos, targets in self._waiting
+            ),
             asked=None if isinstance(asked, CommandedJoints) else TargetsMemory.of(asked),
             joints=self._joints.memory(),
             ramped=self._ramped,
@@ -145,7 +156,8 @@ class Controller:
     def remember(self, memory: ControllerMemory) -> None:
         """Set the inner state."""
         self._now_nanos, self._since_nanos = memory.now_nanos, memory.since_nanos
-        self._waiting = [(nanos, kept.targets) for nanos, kept in memory.waiting]
+        latency_nanos = self._latency_nanos
+        self._waiting = [(nanos + latency_nanos, kept.targets) for nanos, kept in memory.waiting]
         self._joints.remember(memory.joints)
         asked = memory.asked.targets if memory.asked else self._joints
         assert not isinstance(asked, JointTargets), "`_joined` makes commanded joints of them"

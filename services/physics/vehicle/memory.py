@@ -2,6 +2,7 @@
 """Memory of a vehicle: all that its next tick depends on, as plain data."""
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from services.physics.dynamics.backend import Pose, Twist
 from services.physics.dynamics.energy_and_contacts import NamedContact
@@ -37,3 +38,8 @@ class VehicleMemory(Struct, frozen=True, array_like=True):
     servos: ServosMemory
     numbers: tuple[float, ...]
     """Of all other parts, see `numbers_of`."""
+
+    def stamped_before(self, nanos: int) -> "VehicleMemory":
+        """Return it without commands that have this stamp or a later one."""
+        drive, servos = self.drive.stamped_before(nanos), self.servos.stamped_before(nanos)
+        return replace(self, drive=drive, servos=servos)

@@ -11,6 +11,7 @@ from math import isfinite
 from struct import Struct
 
 import msgspec
+from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import floats
@@ -31,6 +32,11 @@ class ServosMemory(msgspec.Struct, frozen=True, array_like=True):
     moves: bool
     positions: tuple[float, ...]
     speeds: tuple[float, ...]
+
+    def stamped_before(self, nanos: int) -> "ServosMemory":
+        """Return it without commands that have this stamp or a later one."""
+        waiting = tuple(command for command in self.waiting if command[0] < nanos)
+        return replace(self, waiting=waiting)
 
 
 class Servos:

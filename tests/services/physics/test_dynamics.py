@@ -16,7 +16,7 @@ from groundlink.world.solids import Box, Solid
 from services.physics.dynamics.backend import GRAVITY_MPS2
 from services.physics.simulation.simulation import Simulation
 from services.physics.trials.track import FLOOR, NAME, drive, put
-from services.physics.vehicle.vehicle import AIR_DENSITY_KGPM3
+from services.physics.vehicle.body_drag import AIR_DENSITY_KGPM3
 
 from .grounds import shipped
 

@@ -227,7 +227,7 @@ def test_run_without_followed_journal_reports_no_result(scenario: Scenario) -> N
 def test_different_result_is_reported_with_its_cause(scenario: Scenario) -> None:
     with episode_of(scenario) as episode, episode_of(scenario, 9) as again:
         drive(episode, 20)
-        saved = replace(episode.journal(), digest="")
+        saved = replace(episode.journal(), digest="of another state")
         for made_on, cause in (
             (saved.made_on, "though the machine is the same"),
             (Platform("abacus", {"python": "4.0"}), "it was saved with abacus, python 4.0"),
