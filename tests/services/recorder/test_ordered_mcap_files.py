@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_NANOS
+from groundlink.episode.checkpoint import Checkpoint
 from groundlink.episode.journal import Commanded, Journal, dumped, encode_entry, this_platform
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
@@ -28,6 +30,9 @@ COMMAND = f"groundlink/{RUN}/rover/command"
 STILL = (0.0, 0.0, 0.0)
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 END_TICKS = 1000
+PERIOD_TICKS = 200
+"""Of checkpoints."""
+
 IMU_ALONE = {"rover/imu": Participant("rover")}
 
 Step = Callable[[Recorder], object]
@@ -51,7 +56,7 @@ class Physics:
         self.tick = 0
 
     def ask(self, question: str) -> bytes:
-        left_out = int(question.partition("/")[2])
+        left_out, *known = map(int, question.split("/")[1:])
         while 8 * len(self._entries) < self.tick + 8:
             stamp = 8 * len(self._entries)
             taken_in = max(0, stamp - self._ahead.randrange(16))
@@ -69,8 +74,18 @@ class Physics:
                 entries=tuple(self._entries[left_out:]),
                 left_out=left_out,
                 acks={"rover/imu": Ack(EPISODE, self.tick, self.tick)},
+                checkpoints=tuple(self._checkpoints()[known[0] :]) if known else UNSET,
             )
         )
+
+    def _checkpoints(self) -> list[Checkpoint]:
+        """Return the complete checkpoints: at times the newest ones are not, for a moment."""
+        last = self.tick - self._ahead.choice((0, PERIOD_TICKS))
+        acks = {name: Ack(EPISODE, 7, 7) for name in self._ahead.sample(["a", "b", "c"], 3)}
+        return [
+            Checkpoint(tick=tick, memory=b"%d" % tick, acks=acks)
+            for tick in range(PERIOD_TICKS, last + 1, PERIOD_TICKS)
+        ]
 
 
 def clock(tick: int) -> Step:
@@ -158,6 +173,21 @@ def test_the_order_of_arrival_changes_no_byte(lab: Scenario, tmp_path: Path) -> 
     assert journal is not None
     assert (journal.tick, journal.digest) == (END_TICKS, "")
     assert [entry.tick for entry in journal.read()] == [*range(0, END_TICKS, 8)]
+
+
+def test_checkpoints_are_in_the_file_whenever_physics_completes_them(
+    lab: Scenario, tmp_path: Path
+) -> None:
+    lab = replace(lab, time=replace(lab.time, checkpoint_s=PERIOD_TICKS / 400))
+    first = recorded(lab, tmp_path / "1.mcap", 1)
+    for seed in (2, 3):
+        assert recorded(lab, tmp_path / f"{seed}.mcap", seed) == first
+    with Recording(tmp_path / "1.mcap") as recording:
+        found = [(attached.nanos, attached.load()) for attached in recording.checkpoints]
+    ticks = range(PERIOD_TICKS, END_TICKS + 1, PERIOD_TICKS)
+    assert [nanos for nanos, _ in found] == [EPOCH + tick * TICK_NANOS for tick in ticks]
+    assert [checkpoint.tick for _, checkpoint in found] == [*ticks]
+    assert {ack.episode for _, checkpoint in found for ack in checkpoint.acks.values()} == {0}
 
 
 def test_what_a_sensor_may_still_send_is_waited_for(lab: Scenario, tmp_path: Path) -> None:

@@ -1,9 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
 
+from groundlink.episode.checkpoint import Checkpoint
 from groundlink.messages.base import Ack
 from groundlink.scenario.route import COMMAND_AHEAD_TICKS, DRIVER_PERIOD_TICKS, DRIVER_WINDOW_TICKS
-from services.physics.run.participants import Participants, PendingAcks, barriers, window
+from services.physics.run.participants import (
+    CheckpointAcks,
+    Participants,
+    PendingAcks,
+    barriers,
+    window,
+)
 
 EPISODE = 7
 
@@ -161,3 +168,24 @@ def test_an_acknowledgement_waits_for_all_commands_with_its_stamp() -> None:
     pending.commanded("rover", 6)
     pending.add("gateway", ack)
     assert list(pending.take_complete()) == [("gateway", ack)], "a newer one follows all of them"
+
+
+def test_checkpoint_is_complete_when_all_have_published_what_is_before_it() -> None:
+    acks = CheckpointAcks()
+    acks.acknowledged("imu", Ack(1, 8, 8))
+    acks.add(Checkpoint(tick=10, memory=b"", acks={}), ["imu", "lidar", "gateway"])
+    acks.add(Checkpoint(tick=20, memory=b"", acks={}), ["imu", "lidar"])
+    for process, tick, settled in (
+        ("imu", 12, 12),  # the first that counts
+        ("imu", 22, 22),
+        ("lidar", 16, 4),  # has a revolution under way
+        ("lidar", 24, 20),
+        ("recorder", 24, 24),
+    ):
+        assert acks.complete == []
+        acks.acknowledged(process, Ack(1, tick, settled))
+    acks.left("gateway")
+    first, second = acks.complete
+    assert first.acks == {"imu": Ack(1, 12, 12), "lidar": Ack(1, 24, 20)}
+    assert second.acks == {"imu": Ack(1, 22, 22), "lidar": Ack(1, 24, 20)}
+    assert (first.serves_from_tick, second.serves_from_tick) == (24, 24)
