@@ -64,6 +64,9 @@ DEVICES = {
     "vlp32c": RecordedDevice(
         "Velodyne VLP-32C", "vlp32c.db3", _NEBULA_VELODYNE.format("vlp32/1713492677464078412")
     ),
+    "vls128": RecordedDevice(
+        "Velodyne VLS-128", "vls128.db3", _NEBULA_VELODYNE.format("vls128/1614315746471294674")
+    ),
     "xt32": RecordedDevice(
         "Hesai PandarXT-32", "xt32.db3", _NEBULA_HESAI.format("xt32/1673400677802009732")
     ),
@@ -199,9 +202,9 @@ def _at(bands: Bands, intensity: float, range_m: float) -> float:
 
 def plot(found: dict[str, FitComparison]) -> Figure:
     """Return the noise over intensity, at the range with most windows: recording and model."""
-    figure = Figure(figsize=(8.4, 5.4))
-    axes = list(figure.subplots(2, 3, sharex=True, sharey=True).ravel())
-    for one, (name, comparison) in zip(axes, found.items(), strict=True):
+    figure = Figure(figsize=(11.2, 5.4))
+    axes = list(figure.subplots(2, 4, sharex=True, sharey=True).ravel())
+    for one, (name, comparison) in zip(axes, found.items(), strict=False):
         noise = comparison.recorded.noise
         for column, color in zip(range(len(noise.range_m)), SERIES, strict=False):
             known = np.isfinite(noise.value[:, column])
@@ -211,9 +214,11 @@ def plot(found: dict[str, FitComparison]) -> Figure:
             one.loglog(intensity, 1e3 * np.array(model), color=color, label=f"{range_m:.0f} m")
         label(one, DEVICES[name].title, "", "")
         one.legend()
-    for one in axes[3:]:
+    for one in axes[len(found) :]:
+        one.set_visible(False)
+    for one in axes[4:]:
         one.set_xlabel("intensity")
-    for one in axes[::3]:
+    for one in axes[::4]:
         one.set_ylabel("1 sigma, mm")
     return figure
 
@@ -238,15 +243,15 @@ the recording's surfaces and intensities, and its output goes through the same s
 of the second halves are within 20 %, and the median difference is {percent:.0f} %.
 
 **Limits.** The recordings last 0.3 to 0.5 s. A texture of the ground that changes from firing to
-firing counts as noise: the recording of the OS1-128 is from outdoors, and its noise beyond 10 m has
-such a texture in it. Where a table has no band of a range, the value is that of the nearest range.
-The recordings are not part of Groundlink.
+firing counts as noise: the recordings of the OS1-128 and the VLS-128 are from outdoors, and their
+noise beyond 10 m has such a texture in it. Where a table has no band of a range, the value is that
+of the nearest range. The recordings are not part of Groundlink.
 
 **Fit your own.** Record the device at rest, in a room with bright and dark walls at several ranges:
 
     groundlink fit my_device.mcap --topic /points --sheet vlp16 --out my_vlp16.yaml
 
-![Noise of six devices by intensity](../pictures/lidar_fitted.svg)
+![Noise of seven devices by intensity](../pictures/lidar_fitted.svg)
 
 Dots are the recordings, lines the model, by range. Shares of lost returns are given where the
 recording has at least 1 %. This page is written by `python -m tools.fitted_lidars FOLDER`.

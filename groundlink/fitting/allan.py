@@ -15,7 +15,6 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import combinations
-from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -24,12 +23,16 @@ from groundlink.core.clock import TICK_RATE_HZ, TICK_SECONDS
 
 from .series import AllanBands, Reals
 
-MODEL_SIGMA = 0.05
-"""Relative error of a variance, 1 sigma, that the model is allowed in each band: no device is
-exactly such a sum. Else the shortest averaging times, with thousands of clusters, decided all."""
+MODEL_SIGMAS = (0.05, 0.1, 0.2, 0.4, 0.8)
+"""Relative errors of a variance, 1 sigma, that the model is allowed in each band. The least is
+taken with which chi^2 is no larger than the number of bands: no device is exactly such a sum, and
+the shortest averaging times, with thousands of clusters, must not decide all."""
 
 WORSE = 4.0
 """Decrease of chi^2 from which on a recording shows a parameter (2 sigma)."""
+
+ROUNDS = 4
+"""Rounds of least squares, each with weights of the one before."""
 
 TIMES = 60
 """Time constants that are tried."""
@@ -201,29 +204,54 @@ def fit_curves(
         Names of the parameters of `Curve` to fit. Of the choices, that is taken whose chi^2 with
         `WORSE` for each parameter is the least (Akaike's criterion).
     """
-    tried = []
-    for names in choices:
-        curves = _fitted_levels(groups, bases, names)
-        # One after the other, twice: a drift and a low pass show at other averaging times.
-        for name, grid in 2 * list(_grids(groups).items()):
-            if name in names and grid:
-                options = [
-                    _fitted_levels(groups, [c._replace(**{name: value}) for c in curves], names)
-                    for value in grid
-                ]
-                curves = min(options, key=lambda option: _misfit(groups, option))
-        tried.append((_misfit(groups, curves) + WORSE * len(names), curves, names))
-    _, curves, names = min(tried, key=itemgetter(0))
+    choices = list(choices)
+    for model_sigma in MODEL_SIGMAS:
+        weighted = [_Weighted(bands, model_sigma) for bands in groups]
+        misfit, curves, names = min(
+            (_best(weighted, bases, names) for names in choices),
+            key=lambda fit: fit[0] + WORSE * len(fit[2]),
+        )
+        if misfit <= sum(len(bands.seconds) for bands in groups):
+            break
     return [
-        CurveFit(bands, curve, names, _errors(bands, curve, names))
-        for bands, curve in zip(groups, curves, strict=True)
+        CurveFit(one.bands, curve, names, _errors(one, curve, names))
+        for one, curve in zip(weighted, curves, strict=True)
     ]
 
 
-def _grids(groups: Sequence[AllanBands]) -> dict[str, list[float]]:
+class _Weighted(NamedTuple):
+    """Bands, and what the model may be off."""
+
+    bands: AllanBands
+    model_sigma: float
+
+    @property
+    def sigma(self) -> Reals:
+        """Relative error of each band's variance; infinite for one that is no noise."""
+        sigma = np.hypot(self.bands.sigma, self.model_sigma)
+        return np.where(self.bands.is_noise, sigma, np.inf)
+
+
+def _best(
+    groups: Sequence[_Weighted], bases: Sequence[Curve], names: Sequence[str]
+) -> tuple[float, list[Curve], Sequence[str]]:
+    """Return chi^2, the best curves with these parameters, and the names of the parameters."""
+    curves = _fitted_levels(groups, bases, names)
+    # One after the other, twice: a drift and a low pass show at other averaging times.
+    for name, grid in 2 * list(_grids(groups).items()):
+        if name in names and grid:
+            options = [
+                _fitted_levels(groups, [c._replace(**{name: value}) for c in curves], names)
+                for value in grid
+            ]
+            curves = min(options, key=lambda option: _misfit(groups, option))
+    return _misfit(groups, curves), curves, names
+
+
+def _grids(groups: Sequence[_Weighted]) -> dict[str, list[float]]:
     """Return the values to try of the parameters that are not linear."""
-    longest = min(bands.seconds[-1] for bands in groups) / PEAK_TIMES
-    shortest = max(bands.seconds[0] for bands in groups)
+    longest = min(one.bands.seconds[-1] for one in groups) / PEAK_TIMES
+    shortest = max(one.bands.seconds[0] for one in groups)
     times = np.geomspace(max(shortest, SHORTEST_S), longest, TIMES) if longest > SHORTEST_S else ()
     return {
         "time_s": [float(time) for time in times],
@@ -231,31 +259,32 @@ def _grids(groups: Sequence[AllanBands]) -> dict[str, list[float]]:
     }
 
 
-def _sigma(bands: AllanBands) -> Reals:
-    """Return the relative error of each band's variance; infinite for one that is no noise."""
-    return np.where(bands.is_noise, np.hypot(bands.sigma, MODEL_SIGMA), np.inf)
-
-
-def _misfit(groups: Sequence[AllanBands], curves: Sequence[Curve]) -> float:
+def _misfit(groups: Sequence[_Weighted], curves: Sequence[Curve]) -> float:
     """Return chi^2 over the bands of all groups."""
     return sum(
-        float(np.sum(((curve.variance(bands.seconds) / bands.variance - 1) / _sigma(bands)) ** 2))
-        for bands, curve in zip(groups, curves, strict=True)
+        float(np.sum((np.log(curve.variance(bands.seconds) / bands.variance) / one.sigma) ** 2))
+        for one, curve in zip(groups, curves, strict=True)
+        for bands in (one.bands,)
     )
 
 
 def _fitted_levels(
-    groups: Sequence[AllanBands], curves: Sequence[Curve], names: Sequence[str]
+    groups: Sequence[_Weighted], curves: Sequence[Curve], names: Sequence[str]
 ) -> list[Curve]:
     """Return curves with the best levels among these names, other parameters as given."""
     fitted = []
-    for bands, curve in zip(groups, curves, strict=True):
+    for one, curve in zip(groups, curves, strict=True):
+        bands = one.bands
         levels = [name for name in LEVELS if name in names]
-        ones = [curve._replace(**NO_ERRORS | {name: 1.0}) for name in levels]
+        units = [curve._replace(**NO_ERRORS | {name: 1.0}) for name in levels]
         fixed = curve._replace(**dict.fromkeys(levels, 0.0)).variance(bands.seconds)
-        scale = 1 / (bands.variance * _sigma(bands))
-        terms = np.stack([one.variance(bands.seconds) * scale for one in ones], axis=1)
-        found = _least_squares(terms, (bands.variance - fixed) * scale)
+        terms = np.stack([unit.variance(bands.seconds) for unit in units], axis=1)
+        expected = bands.variance
+        # With errors relative to the mean of both, a variance of half and of twice are as far off.
+        for _ in range(ROUNDS):
+            scale = 1 / (np.sqrt(bands.variance * expected) * one.sigma)
+            found = _least_squares(terms * scale[:, None], (bands.variance - fixed) * scale)
+            expected = np.maximum(terms @ found + fixed, bands.variance / 100)
         values = dict(zip(levels, np.sqrt(found).tolist(), strict=True))
         fitted.append(curve._replace(**values))
     return fitted
@@ -279,7 +308,7 @@ def _least_squares(terms: Reals, values: Reals) -> Reals:
     return best
 
 
-def _errors(bands: AllanBands, curve: Curve, names: Sequence[str]) -> dict[str, float]:
+def _errors(one: _Weighted, curve: Curve, names: Sequence[str]) -> dict[str, float]:
     """Return the relative errors of fitted parameters, 1 sigma, that are not zero.
 
     From the inverse of the information matrix, with the relative change of the curve for a relative
@@ -291,10 +320,10 @@ def _errors(bands: AllanBands, curve: Curve, names: Sequence[str]) -> dict[str, 
     changes = []
     for name in shown:
         higher, lower = (
-            curve._replace(**{name: getattr(curve, name) * factor}).variance(bands.seconds)
+            curve._replace(**{name: getattr(curve, name) * factor}).variance(one.bands.seconds)
             for factor in (1.05, 1 / 1.05)
         )
-        changes.append(np.log(higher / lower) / (2 * math.log(1.05)) / _sigma(bands))
+        changes.append(np.log(higher / lower) / (2 * math.log(1.05)) / one.sigma)
     if not changes:
         return {}
     matrix = np.array(changes)

@@ -32,7 +32,9 @@ class FittedSheet(NamedTuple):
     """The same for programs."""
 
 
-def sheet_text(base: CheckedDatasheet, source: str, sheet: FittedSheet) -> str:
+def sheet_text(
+    base: CheckedDatasheet, source: str, sheet: FittedSheet, device: str | None = None
+) -> str:
     """Return the text of a data sheet.
 
     Parameters
@@ -42,7 +44,10 @@ def sheet_text(base: CheckedDatasheet, source: str, sheet: FittedSheet) -> str:
     source : str
         The recording, for the reader of the sheet.
     sheet : FittedSheet
+    device : str or None
+        Device of the recording, if it is another one than that of the base.
     """
+    title = base.title if device is None else f"{device}, else as {base.name}"
     lines = [
         "# SPDX-License-Identifier: Apache-2.0",
         "# yaml-language-server: $schema=../schemas/datasheet.json",
@@ -51,7 +56,7 @@ def sheet_text(base: CheckedDatasheet, source: str, sheet: FittedSheet) -> str:
         f"# Recording: {source}",
         *(f"# {comment}" for comment in sheet.comments),
         f"kind: {base.kind}",
-        _yaml("datasheet", f"{base.title}; {sheet.fitted} of a recording"),
+        _yaml("datasheet", f"{title}; {sheet.fitted} of a recording"),
     ]
     for name, value in sheet.figures.items():
         if name not in sheet.notes:

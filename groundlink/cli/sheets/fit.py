@@ -30,6 +30,9 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--source", metavar="TEXT", help="source of the recording, for the sheet; default: its name"
     )
+    parser.add_argument(
+        "--device", metavar="TEXT", help="device, if it is another one than that of the data sheet"
+    )
     add_json_option(parser)
     parser.set_defaults(command=fit)
 
@@ -49,8 +52,9 @@ def fit(options: argparse.Namespace) -> int:
         )
     with progress("fitting"):
         fitted = FITTERS[base.kind](recording, options.topic, base)
+    text = sheet_text(base, options.source or recording.name, fitted, options.device)
     with write_atomically(out) as part:
-        part.write_text(sheet_text(base, options.source or recording.name, fitted))
+        part.write_text(text)
     if options.json:
         print_json({"path": str(out), **fitted.document})
         return 0

@@ -125,6 +125,7 @@ def test_the_os1_64() -> None:
 @pytest.mark.parametrize(
     ("name", "lasers", "view_deg", "returns_m", "step_m"),
     [
+        ("vls128", 128, (-25.0, 15.0), (0.3, 300.0), 0.004),
         ("pandar64", 64, (-24.879, 14.9), (0.3, 200.0), 0.004),
         ("pandar_qt64", 64, (-52.121, 52.133), (0.1, 60.0), 0.004),
         ("os1_128", 128, (-21.82, 20.95), (0.5, 120.0), 0.001),
@@ -145,7 +146,7 @@ def test_those_with_angles_of_a_calibration(
     assert spec.range_resolution_m == step_m
 
 
-FITTED = ("vlp16", "vlp32c", "xt32", "pandar64", "pandar_qt64", "os1_128")
+FITTED = ("vlp16", "vlp32c", "vls128", "xt32", "pandar64", "pandar_qt64", "os1_128")
 
 
 @pytest.mark.parametrize("name", FITTED)
