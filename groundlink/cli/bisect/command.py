@@ -41,6 +41,8 @@ from .subjects import (
 if TYPE_CHECKING:
     from groundlink.recording.run_difference import RunDifference
 
+END = "VALUE|SCENARIO|REV"
+
 GOOD, BAD = "good.mcap", "bad.mcap"
 """Recordings of the last good and the first bad run."""
 
@@ -70,10 +72,8 @@ def add_parser(subparsers: Subparsers) -> None:
         help="the field to vary between --good and --bad, or with its values from a good to a bad "
         "one; FIELD=VALUE is the same in all runs; repeatable",
     )
-    parser.add_argument(
-        "--good", metavar="GOOD", help="value, scenario or revision whose run is good"
-    )
-    parser.add_argument("--bad", metavar="BAD", help="the same of a bad run")
+    parser.add_argument("--good", metavar=END, help="value, scenario or revision of a good run")
+    parser.add_argument("--bad", metavar=END, help="the same of a bad run")
     parser.add_argument(
         "--resolution",
         type=float,

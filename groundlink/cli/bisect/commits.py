@@ -16,7 +16,6 @@ class Commit(NamedTuple):
     """Description of a commit."""
 
     sha: str
-    short: str
     author: str
     date: str
     """ISO 8601."""
@@ -41,7 +40,9 @@ class Repository:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         if not folder.is_dir():
-            raise UserError(f"--repository {folder}: no such folder")
+            raise UserError(
+                f"--repository {folder}: no such folder. Fix: pass the folder of a git repository"
+            )
         is_bare = self._git("rev-parse", "--is-inside-work-tree") == "false"
         self.tree = None if is_bare else Path(self._git("rev-parse", "--show-toplevel"))
         """Root of the working tree; None in a bare repository."""
@@ -66,8 +67,8 @@ class Repository:
         """
         if self.distance(bad, good) > 0:
             raise UserError(
-                f"--good {good[:12]} is no ancestor of --bad {bad[:12]}. Fix: choose a good commit "
-                f"of its history, such as that of `git merge-base {good[:12]} {bad[:12]}`"
+                f"--good {good[:12]} is no ancestor of --bad {bad[:12]}. Fix: choose a commit of "
+                f"its history, such as `git merge-base {good[:12]} {bad[:12]}`"
             )
 
     def distance(self, good: str, bad: str) -> int:
@@ -87,8 +88,8 @@ class Repository:
 
     def describe(self, commit: str) -> Commit:
         """Return the description of a commit."""
-        form = "%H%n%h%n%an%n%aI%n%s"
-        return Commit(*self._git("log", "-1", f"--format={form}", commit).split("\n", 4))
+        form = "%H%n%an%n%aI%n%s"
+        return Commit(*self._git("log", "-1", f"--format={form}", commit).split("\n", 3))
 
     @contextmanager
     def worktree(self, commit: str) -> Iterator[Path]:
@@ -117,7 +118,7 @@ class Repository:
                 check=False,
             )
         except FileNotFoundError:
-            raise RequirementError("--repository: git is not installed") from None
+            raise RequirementError("--repository: git is not installed. Fix: install it") from None
         if done.returncode:
             reason = (done.stderr.strip().splitlines() or ["git failed"])[-1]
             raise UserError(f"--repository {self._folder}: {reason}")

@@ -195,7 +195,9 @@ def _read(folder: Path, setting: Mapping[str, str]) -> list[Probe]:
     try:
         state = msgspec.json.decode(file.read_bytes(), type=_State)
     except msgspec.DecodeError as error:
-        raise UserError(f"{file}: {error}. Fix: delete the folder") from None
+        raise UserError(
+            f"{file}: not the verdicts of a bisection: {error}. Fix: delete the folder"
+        ) from None
     if state.setting != setting:
         names = sorted({*state.setting, *setting})
         other = ", ".join(name for name in names if state.setting.get(name) != setting.get(name))

@@ -83,7 +83,10 @@ class StackRecorder(NamedTuple):
         """
         described = load_scenario(scenario, case)
         if described.time.lockstep != "ros":
-            raise UserError(f"{scenario}: `time.lockstep` is not `ros`, which --stack needs")
+            raise UserError(
+                f"{scenario}: `time.lockstep` is not `ros`, which --stack needs. Fix: see "
+                "docs/how-to/lockstep.md"
+            )
         if mistake := answers_mistake(described):
             raise UserError(f"{scenario}: {mistake}")
         seconds = float(self.duration or SECONDS)

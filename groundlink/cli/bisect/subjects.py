@@ -118,7 +118,10 @@ class FieldValues:
 
     def __init__(self, run: RunOf, changes: Sequence[FieldChange]) -> None:
         if len(changes) < 2 or changes[0] == changes[-1]:
-            raise UserError(f"--set {changes[0].field}: the good value is the bad one")
+            raise UserError(
+                f"--set {changes[0].field}: expected a bad value that is not the good one. Fix: "
+                "choose two values"
+            )
         if changes[0].field == SEED and len(changes) > 2:
             seeds = ",".join(str(change.value) for change in changes)
             raise UserError(
@@ -181,7 +184,7 @@ def between(good: FieldChange, bad: FieldChange, resolution: float | None) -> Se
     is_ordered = all(type(value) in (int, float) for value in values) and good.field != SEED
     if good == bad or not is_ordered:
         if resolution is not None:
-            raise UserError("--resolution: the values are not two numbers with an order")
+            raise UserError("--resolution: expected two numbers with an order. Fix: omit it")
         return (good, bad)
     try:
         return NumberChanges(good.field, NumberSteps(*values, resolution))
@@ -298,29 +301,32 @@ def faults_of(run: RunOf) -> ChangeSet:
     UserError
         if there are none.
     """
-    sensors: list[tuple[str, list[Any]]] = []
-    for vehicle in run.load().vehicles:
-        for sensor in vehicle.sensors:
-            if sensor.faults:
-                field = f"vehicles.{vehicle.name}.sensors.{sensor.name}.faults"
-                sensors.append((field, msgspec.to_builtins(sensor.faults)))
-    places = [(field, i) for field, faults in sensors for i in range(len(faults))]
+    sensors: dict[str, list[Any]] = {
+        f"{vehicle.name}/{sensor.name}": msgspec.to_builtins(sensor.faults)
+        for vehicle in run.load().vehicles
+        for sensor in vehicle.sensors
+        if sensor.faults
+    }
+    places = [(name, i) for name, faults in sensors.items() for i in range(len(faults))]
     if not places:
         raise UserError(f"{run.scenario}: no sensor has faults. Fix: see docs/how-to/faults.md")
 
     def case(numbers: Sequence[int]) -> Case:
         kept = {places[number] for number in numbers}
         return tuple(
-            FieldChange(field, [fault for i, fault in enumerate(faults) if (field, i) in kept])
-            for field, faults in sensors
+            FieldChange(
+                f"vehicles.{name.replace('/', '.sensors.')}.faults",
+                [fault for i, fault in enumerate(faults) if (name, i) in kept],
+            )
+            for name, faults in sensors.items()
         )
 
     parts = [
         _Part(
-            f"{field.split('.')[3]} fault {i + 1} ({faults[i]['kind']})",
-            {"sensor": "/".join(field.split(".")[1:4:2]), "fault": faults[i]},
+            f"{name} fault {i + 1} ({faults[i]['kind']})",
+            {"sensor": name, "fault": faults[i]},
         )
-        for field, faults in sensors
+        for name, faults in sensors.items()
         for i in range(len(faults))
     ]
     return ChangeSet(run, parts, case, "faults")
@@ -358,7 +364,9 @@ class Commits:
         self._repository, self._recorder = repository, recorder
         self._good, self._bad = (repository.resolve(revision) for revision in (good, bad))
         if self._good == self._bad:
-            raise UserError(f"--good {good} and --bad {bad} are the same commit")
+            raise UserError(
+                f"--good {good} and --bad {bad} are the same commit. Fix: choose two commits"
+            )
         repository.check_ancestor(self._good, self._bad)
         self._scenario, self._fixed, self._build = scenario, fixed, build
         self._inside = scenario and _inside(repository.tree, scenario)
@@ -392,8 +400,9 @@ class Commits:
         guilty = self._repository.describe(flip.bad)
         distance = partial(self._repository.distance, bad=flip.bad)
         nearest = min(flip.good, key=lambda commit: distance(commit))
+        name = f"{guilty.sha[:12]} {guilty.subject}"
         return Finding(
-            f"first bad commit: {guilty.short} {guilty.subject} ({guilty.author}, {guilty.date})",
+            f"first bad commit: {name} ({guilty.author}, {guilty.date})",
             self._candidate(nearest),
             self._candidate(flip.bad),
             [guilty._asdict()],

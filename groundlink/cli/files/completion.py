@@ -62,6 +62,7 @@ SCENARIOS = Words(lambda: _shipped(""), files=("*.yaml",))
 WORDS = {
     "scenario": SCENARIOS,
     "SCENARIO": SCENARIOS,
+    "VALUE|SCENARIO|REV": SCENARIOS,
     "WORLD|VEHICLE|SCENARIO": Words(lambda: _shipped(*FOLDERS), files=("*.yaml",)),
     "WORLD|SCENARIO": Words(lambda: _shipped("worlds", ""), files=("*.yaml",)),
     "VEHICLE|FILE.yaml": Words(lambda: _shipped("vehicles"), files=("*.yaml",)),

@@ -158,7 +158,7 @@ def run_stack(
     commands["physics"] += ["--mode", "fast", *physics]
     ros_side = running.ros_side(scenario.gateway, console)
     if "udp_bridge_ros2" not in ros_side:
-        raise RequirementError("--ros: needs rclpy and the Python package `udp_bridge_ros2`")
+        raise RequirementError("a ROS stack needs rclpy and the Python package `udp_bridge_ros2`")
     commands[running.ROS_SIDE] = [*ros_side, *node]
     if recording is not None:
         commands[running.RECORDER] = process_commands.recorder(str(recording), run, endpoint)

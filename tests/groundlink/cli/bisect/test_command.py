@@ -238,7 +238,7 @@ def test_needed_fault_is_found(runs: Runs, capsys: pytest.CaptureFixture[str]) -
     runs.judge = judge
     assert groundlink(["bisect", "good.yaml", "--faults"]) == 0
     printed = capsys.readouterr().out
-    assert "needed: imu fault 1 (drop) and imu fault 3 (stuck)" in printed
+    assert "needed: rover/imu fault 1 (drop) and rover/imu fault 3 (stuck)" in printed
     assert runs[0] == {field: []}
 
 
@@ -254,7 +254,7 @@ PARTS = ["bisect", "good.yaml", "--faults"]
         ([*PARTS, "--good", "1"], "--faults: expected no --good and --bad"),
         ([*PARTS, "--set", "seed"], "--faults and --set FIELD: expected one of them"),
         ([*SPEED, "--good", "1"], "--good and --bad: expected both"),
-        ([*SPEED, "--good", "1", "--bad", "1"], "the good value is the bad one"),
+        ([*SPEED, "--good", "1", "--bad", "1"], "expected a bad value that is not the good one"),
         ([*RANGE, "--set", "imu.rate_hz"], "expected one varied field"),
         ([*RANGE, "--resolution", "0"], "--resolution 0.0: expected a number, more than 0"),
         ([*RANGE, "--duration", "soon"], "--duration soon: expected seconds"),

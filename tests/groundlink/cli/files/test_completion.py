@@ -37,6 +37,7 @@ NO_WORDS = {
     "SCENARIO[.yaml]",
     "SENSOR.FIELD=[A,...]",
     "START:LENGTH",
+    "STEP",
     "TEXT",
     "TOPIC",
     "VEHICLE/SENSOR",
