@@ -13,7 +13,7 @@ from typing import Generic, Protocol, TypeVar
 T = TypeVar("T")
 
 
-class Verdict(enum.Enum):
+class RunVerdict(enum.Enum):
     """Result of a probe."""
 
     GOOD = "good"
@@ -37,7 +37,7 @@ class CandidateOrder(Protocol[T]):
         """
 
 
-class Line:
+class NumberLine:
     """Order of the numbers 0, 1, 2, ...: all before the first bad one are good."""
 
     def between(self, good: Sequence[int], bad: int) -> Iterator[int]:
@@ -64,7 +64,9 @@ class Flip(Generic[T]):
     """Candidates that may be the first bad one as well, since they could not be judged."""
 
 
-def first_bad(order: CandidateOrder[T], good: T, bad: T, probe: Callable[[T], Verdict]) -> Flip[T]:
+def first_bad(
+    order: CandidateOrder[T], good: T, bad: T, probe: Callable[[T], RunVerdict]
+) -> Flip[T]:
     """Find where good becomes bad; no candidate is probed twice.
 
     In a line of n candidates, `good` and `bad` included, it takes at most ceil(log2(n - 1)) probes
@@ -87,11 +89,11 @@ def first_bad(order: CandidateOrder[T], good: T, bad: T, probe: Callable[[T], Ve
             left = tuple(order.between(known_good, bad))
             return Flip(tuple(known_good), bad, left)
         match probe(candidate):
-            case Verdict.GOOD:
+            case RunVerdict.GOOD:
                 known_good.append(candidate)
-            case Verdict.BAD:
+            case RunVerdict.BAD:
                 bad = candidate
-            case Verdict.SKIPPED:
+            case RunVerdict.SKIPPED:
                 skipped.add(candidate)
 
 

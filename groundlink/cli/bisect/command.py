@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from msgspec import to_builtins
 
-from groundlink.bisection.search import Verdict
+from groundlink.bisection.search import RunVerdict
 from groundlink.cli import Subparsers
 from groundlink.cli.run.running import SCENARIO_HELP
 from groundlink.cli.terminal import output as terminal
@@ -153,7 +153,7 @@ def bisect(options: argparse.Namespace) -> int:
     prober = Prober(folder, subject.setting, options.check, subject.most_runs, say)
     say(subject.title)
     try:
-        for end, verdict in zip(subject.ends, (Verdict.GOOD, Verdict.BAD), strict=True):
+        for end, verdict in zip(subject.ends, (RunVerdict.GOOD, RunVerdict.BAD), strict=True):
             prober.expect(end, verdict)
         found = subject.search(prober.probe)
     except KeyboardInterrupt:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from groundlink.bisection.search import Verdict
+from groundlink.bisection.search import RunVerdict
 from groundlink.cli.run.cases import INTERRUPTED, check_recording
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
@@ -36,7 +36,7 @@ class Candidate(NamedTuple):
     went wrong. Other codes mean that there was no run to judge."""
 
 
-class Probe(msgspec.Struct):
+class JudgedRun(msgspec.Struct):
     """A run and its verdict."""
 
     name: str
@@ -46,7 +46,7 @@ class Probe(msgspec.Struct):
     run_code: int
     """Exit code of the run."""
 
-    verdict: Verdict
+    verdict: RunVerdict
     line: str
     """Last line of the check."""
 
@@ -58,7 +58,7 @@ class _State(msgspec.Struct):
     """Content of `STATE`."""
 
     setting: dict[str, str]
-    probes: list[Probe]
+    probes: list[JudgedRun]
 
 
 class Prober:
@@ -99,11 +99,11 @@ class Prober:
         self._setting, self._check, self._say = dict(setting), check, say
         self._of = "" if most is None else f" of at most {most}"
         self._check_identity = _identity(check)
-        self._judged: dict[str, Probe] = {}
+        self._judged: dict[str, JudgedRun] = {}
         self._known = {probe.name: probe for probe in _read(folder, self._setting)}
 
     @property
-    def probes(self) -> list[Probe]:
+    def probes(self) -> list[JudgedRun]:
         """Judged candidates, in the order of the search."""
         return [*self._judged.values()]
 
@@ -113,7 +113,7 @@ class Prober:
         assert name is not None
         return self.folder / name
 
-    def expect(self, candidate: Candidate, verdict: Verdict) -> None:
+    def expect(self, candidate: Candidate, verdict: RunVerdict) -> None:
         """Check an end of the search.
 
         Raises
@@ -128,7 +128,7 @@ class Prober:
                 f"{probe.line}; expected {verdict.value}. Fix: choose other ends or another check"
             )
 
-    def probe(self, candidate: Candidate) -> Verdict:
+    def probe(self, candidate: Candidate) -> RunVerdict:
         """Return the verdict of a candidate.
 
         Raises
@@ -150,7 +150,7 @@ class Prober:
         self._say(f"  {probe.verdict.value}: {probe.line}")
         return probe.verdict
 
-    def _run(self, candidate: Candidate) -> Probe:
+    def _run(self, candidate: Candidate) -> JudgedRun:
         names = {probe.recording for probe in self._known.values()}
         numbers = (f"{number}.mcap" for number in range(1, len(names) + 2))
         out = self.folder / next(name for name in numbers if name not in names)
@@ -163,9 +163,9 @@ class Prober:
             return self._judge(candidate.name, out, code)
         out.unlink(missing_ok=True)
         line = f"exit code {code}" if code not in (0, 1) else "it made no recording"
-        return Probe(candidate.name, None, code, Verdict.SKIPPED, line, self._check_identity)
+        return JudgedRun(candidate.name, None, code, RunVerdict.SKIPPED, line, self._check_identity)
 
-    def _judge(self, name: str, recording: Path, run_code: int) -> Probe:
+    def _judge(self, name: str, recording: Path, run_code: int) -> JudgedRun:
         line, code = f"exit code {run_code}", run_code
         if self._check:
             line, code = check_recording(shlex.join(self._check), recording)
@@ -174,15 +174,15 @@ class Prober:
                 f"check `{shlex.join(self._check)}`: exit code {code}; expected 0 for good, 1 to "
                 f"{LAST_BAD} for bad, {SKIP} where it cannot judge. Fix: run it on {recording}"
             )
-        verdict = {0: Verdict.GOOD, SKIP: Verdict.SKIPPED}.get(code, Verdict.BAD)
-        return Probe(name, recording.name, run_code, verdict, line, self._check_identity)
+        verdict = {0: RunVerdict.GOOD, SKIP: RunVerdict.SKIPPED}.get(code, RunVerdict.BAD)
+        return JudgedRun(name, recording.name, run_code, verdict, line, self._check_identity)
 
 
-def _words(verdict: Verdict) -> str:
-    return "not judged" if verdict is Verdict.SKIPPED else verdict.value
+def _words(verdict: RunVerdict) -> str:
+    return "not judged" if verdict is RunVerdict.SKIPPED else verdict.value
 
 
-def _read(folder: Path, setting: Mapping[str, str]) -> list[Probe]:
+def _read(folder: Path, setting: Mapping[str, str]) -> list[JudgedRun]:
     """Return the probes that a folder has of these runs; make the folder if there is none."""
     if not folder.exists():
         folder.mkdir(parents=True)

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from groundlink.bisection.differing_fields import differing_fields
 from groundlink.bisection.minimal_set import minimal_set
 from groundlink.bisection.number_steps import NumberSteps
-from groundlink.bisection.search import Flip, Line, Verdict, first_bad, most_probes
+from groundlink.bisection.search import Flip, NumberLine, RunVerdict, first_bad, most_probes
 from groundlink.cli.run.cases import Case, run_in_shell
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
@@ -37,7 +37,7 @@ LABELS = ("name", "description")
 SHORT = 60
 """Most characters of a change that is printed with its value."""
 
-Judge = Callable[[Candidate], Verdict]
+Judge = Callable[[Candidate], RunVerdict]
 
 
 class Finding(NamedTuple):
@@ -144,7 +144,7 @@ class FieldValues:
     def search(self, judge: Judge) -> Finding:
         """Search two neighboring values, a good and a bad one."""
         last = len(self._changes) - 1
-        flip = first_bad(Line(), 0, last, lambda number: judge(self._candidate(number)))
+        flip = first_bad(NumberLine(), 0, last, lambda number: judge(self._candidate(number)))
         good, bad = self._changes[max(flip.good)], self._changes[flip.bad]
         return Finding(
             f"{good.field}: good at {good.value}, bad at {bad.value}",
@@ -226,15 +226,16 @@ class ChangeSet:
 
     def search(self, judge: Judge) -> Finding:
         """Search the changes of which none can be left out."""
-        verdicts: dict[tuple[int, ...], Verdict] = {(): Verdict.GOOD}
+        verdicts: dict[tuple[int, ...], RunVerdict] = {(): RunVerdict.GOOD}
 
         def is_bad(numbers: tuple[int, ...]) -> bool:
             verdicts[numbers] = judge(self._candidate(numbers))
-            return verdicts[numbers] is Verdict.BAD
+            return verdicts[numbers] is RunVerdict.BAD
 
         needed = minimal_set(range(len(self._parts)), is_bad)
         good = max(
-            (n for n, v in verdicts.items() if v is Verdict.GOOD and set(n) < set(needed)), key=len
+            (n for n, v in verdicts.items() if v is RunVerdict.GOOD and set(n) < set(needed)),
+            key=len,
         )
         names = " and ".join(self._parts[number].name for number in needed)
         return Finding(
