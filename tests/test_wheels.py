@@ -16,7 +16,18 @@ from packaging.requirements import Requirement
 from tests.building import REPOSITORY, build_wheels, pip
 
 EXTRAS = (
-    *("physics", "sensors", "camera", "gateway", "record", "export", "view", "report", "secure"),
+    *(
+        "physics",
+        "sensors",
+        "camera",
+        "gateway",
+        "record",
+        "export",
+        "view",
+        "report",
+        "search",
+        "secure",
+    ),
     "all",
 )
 
@@ -29,6 +40,7 @@ COMMANDS: dict[str, str | None] = {
     "demo --duration 0": "all",
     "new my_scenario": None,
     "sweep": None,
+    "search indoor_lab --vary seed=1..3 --budget 1 --out found --jobs 0": "search",
     "topics": None,
     "schema": None,
     "compose indoor_lab": None,

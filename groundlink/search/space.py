@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Space of a search: the fields that it varies, each over a grid of values or a list.
 
-A range is divided into about 1,000 to 10,000 steps of a power of ten, so that a value is short:
-`1.234`, not `1.2340192837`. A value is identified by its index.
+Without a step, a range of fractions is divided into 1,000 to 10,000 steps of a power of ten, so
+that a value is short: `1.234`, not `1.2340192837`. A value is identified by its index.
 """
 
 import json
@@ -16,7 +16,7 @@ from typing import Any, Protocol
 from groundlink.core.errors import UserError
 from groundlink.loader.document import parse
 
-FORM = "FIELD=LOW..HIGH or FIELD=VALUE,VALUE,..."
+FORM = "FIELD=LOW..HIGH, FIELD=LOW..HIGH/STEP or FIELD=VALUE,VALUE,..."
 
 LEAST_STEPS = 1000
 """A range of fractions has at least this many steps."""
@@ -78,14 +78,13 @@ class NumberRange:
         """Labels of the bins: their lower ends."""
         count = min(self.count, MAX_BINS)
         width = (float(self.high) - float(self.low)) / count
-        if self._is_whole and count == self.count:
+        if count == self.count:
             return [str(self.value(index)) for index in range(count)]
         return [f"{float(self.low) + width * index:.4g}" for index in range(count)]
 
     @property
     def _is_whole(self) -> bool:
-        ends = (self.low, self.high)
-        return self.step == 1 and all(end == end.to_integral_value() for end in ends)
+        return all(part == part.to_integral_value() for part in (self.low, self.high, self.step))
 
     def value(self, index: int) -> int | float:
         """Return a value by its index."""
@@ -118,7 +117,8 @@ class NumberRange:
         return int(value) if self._is_whole else float(value)
 
     def __str__(self) -> str:
-        return f"{self.name}={self.low}..{self.high}"
+        step = "" if self.step == _step(self.low, self.high) else f"/{self.step}"
+        return f"{self.name}={self.low}..{self.high}{step}"
 
 
 @dataclass(frozen=True)
@@ -203,10 +203,14 @@ def varied_field(text: str) -> VariedField:
     low, dots, high = values.partition("..")
     if not values or not all(name.split(".")):
         raise UserError(f"--vary {text}: expected {FORM}")
-    if dots and (ends := _numbers(low, high)):
+    high, slash, step = high.partition("/")
+    if dots and (ends := _numbers(low, high, *([step] if slash else []))):
         if not ends[0] < ends[1]:
             raise UserError(f"--vary {text}: expected LOW..HIGH with LOW below HIGH")
-        return NumberRange(name, *ends, _step(*ends))
+        steps = ends[2] if slash else _step(ends[0], ends[1])
+        if not 0 < steps <= ends[1] - ends[0]:
+            raise UserError(f"--vary {text}: step {step}; expected more than 0, up to HIGH - LOW")
+        return NumberRange(name, ends[0], ends[1], steps)
     listed = parse(f"[{values}]", Path(f"--vary {text}")).value
     if len(listed) < 2:
         raise UserError(f"--vary {text}: one value; expected {FORM}")
@@ -240,12 +244,12 @@ def nearness(point: Point, origin: Mapping[str, Any], searched: Space) -> tuple[
     return sum(value != origin[name] for name, value in point.items()), changes
 
 
-def _numbers(low: str, high: str) -> tuple[Decimal, Decimal] | None:
+def _numbers(*texts: str) -> list[Decimal] | None:
     try:
-        ends = Decimal(low), Decimal(high)
+        numbers = [Decimal(text) for text in texts]
     except InvalidOperation:
         return None
-    return ends if all(end.is_finite() for end in ends) else None
+    return numbers if all(number.is_finite() for number in numbers) else None
 
 
 def _step(low: Decimal, high: Decimal) -> Decimal:

@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--jobs",
         type=int,
         default=1,
-        metavar="K",
+        metavar="N",
         help="runs at a time (default %(default)s)",
     )
     parser.add_argument(

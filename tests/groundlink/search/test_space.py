@@ -16,6 +16,8 @@ from groundlink.search.space import NumberRange, nearness, point_text, space, va
     [
         ("lidar.dropout=0.0..0.5", 5001, 0.0, 0.0001, 0.5),
         ("route.speed_mps=0.2..1.5", 1301, 0.2, 0.201, 1.5),
+        ("route.speed_mps=0.3..1.4/0.1", 12, 0.3, 0.4, 1.4),
+        ("a.b=0..9/5", 3, 0, 5, 9),
         ("seed=1..100", 100, 1, 2, 100),
         ("a.b=-2..3", 6, -2, -1, 3),
         ("a.b=0.0..1000.5", 1002, 0.0, 1.0, 1000.5),
@@ -39,11 +41,13 @@ def test_values_of_a_field(
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("lidar.dropout", "expected FIELD=LOW..HIGH or FIELD=VALUE,VALUE,..."),
+        ("lidar.dropout", "expected FIELD=LOW..HIGH, FIELD=LOW..HIGH/STEP or FIELD=VALUE"),
         ("=1,2", "expected FIELD=LOW..HIGH"),
         ("lidar..dropout=1,2", "expected FIELD=LOW..HIGH"),
         ("lidar.dropout=0.5", "one value; expected"),
         ("lidar.dropout=0.5..0.1", "LOW below HIGH"),
+        ("lidar.dropout=0.1..0.5/0", "step 0; expected more than 0"),
+        ("lidar.dropout=0.1..0.5/1", "step 1; expected more than 0"),
         ("seed=1,2,1", "a value stands twice"),
     ],
 )

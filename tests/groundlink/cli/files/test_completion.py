@@ -24,6 +24,8 @@ NO_WORDS = {
     "F",
     "FIELD=VALUE",
     "FIELD=VALUE,...",
+    "FIELD=VALUES",
+    "FIGURE|COMMAND",
     "FRAME",
     "HOST",
     "HOST:PORT",

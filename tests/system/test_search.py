@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A search finds a planted bug of a program, also if it is killed in between."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from groundlink.__main__ import main as groundlink
+from groundlink.cli.run.cases import check_recording
+from groundlink.cli.search.search import field_changes
+from groundlink.loader import load
+
+from .rig import wait_for
+
+pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+
+SCENARIO = """
+name: hall
+world:
+  name: hall
+  room: {size_m: [20.0, 6.0, 3.0], floor_material: linoleum, wall_material: plaster}
+vehicles:
+  - name: rover
+    model: rover
+    placement: {x_m: -8.0, y_m: 0.0, yaw_deg: 0.0}
+    sensors:
+      - {kind: encoders, name: encoders, topic: /wheel_encoders, frame: base_link,
+         ticks_per_revolution: 8192}
+    route:
+      {kind: waypoints, speed_mps: 0.6, points: [{x_m: 8.0, y_m: 0.0}]}
+"""
+
+ODOMETER = """
+import sys
+import numpy as np
+import groundlink
+with groundlink.open(sys.argv[1]) as run:
+    ticks = run.array("/wheel_encoders")["ticks"]
+steps = np.diff(ticks, axis=0)
+lost = int((steps - steps.astype(np.int8)).sum())
+print(f"{lost} ticks lost")
+sys.exit(1 if lost else 0)
+"""
+"""A program with a bug: a byte holds the ticks of 20 ms up to 0.8 m/s."""
+
+
+def processes_with(text: str) -> list[str]:
+    """Return the command lines of processes that name a text."""
+    found = []
+    for file in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            command = file.read_bytes().replace(b"\0", b" ").decode()
+        except OSError:
+            continue
+        if text in command:
+            found.append(command)
+    return found
+
+
+def test_killed_search_finds_the_bug_without_losing_or_repeating_a_point(tmp_path: Path) -> None:
+    scenario, program, out = (tmp_path / name for name in ("hall.yaml", "odometer.py", "out"))
+    scenario.write_text(SCENARIO)
+    program.write_text(ODOMETER)
+    check = f"{sys.executable} {program}"
+    words = ["search", str(scenario), "--out", str(out), "--check", check, "--duration", "1.5"]
+    words += ["--vary", "seed=1..3", "--vary", "route.speed_mps=0.3,0.5,0.7,1.2"]
+    words += ["--budget", "12", "--jobs", "2"]
+    started = subprocess.Popen(
+        [sys.executable, "-m", "groundlink", *words],
+        stdout=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    journal = out / "journal.jsonl"
+    wait_for(
+        lambda: journal.exists() and journal.read_bytes().count(b"\n") >= 3, 120, "two points ran"
+    )
+    os.kill(started.pid, signal.SIGKILL)
+    started.wait()
+    wait_for(lambda: not processes_with(str(tmp_path)), 10, "all processes end with the search")
+    before = journal.read_bytes()
+
+    assert groundlink(words) == 1
+    after = journal.read_bytes()
+    assert after.startswith(before[: before.rindex(b"\n") + 1])
+    rows = [json.loads(line) for line in after.splitlines()[1:]]
+    points = [json.dumps(row["values"], sort_keys=True) for row in rows]
+    assert len(points) == len(set(points))
+    numbers = [row["number"] for row in rows if row["stage"] == "search"]
+    assert sorted(numbers) == list(range(1, len(numbers) + 1))
+    for row in rows:
+        if row["stage"] in ("search", "shrink"):
+            is_fast = row["values"].get("route.speed_mps", 0.6) == 1.2
+            assert (row["outcome"]["verdict"] == "failed") == is_fast
+
+    expected = load(scenario, changes=field_changes({"route.speed_mps": 1.2}))
+    assert load(out / "minimal.yaml") == expected
+    assert rows[-1]["values"] == {"again": {"route.speed_mps": 1.2}}
+    assert rows[-1]["outcome"]["verdict"] == "failed"
+    line, code = check_recording(check, out / "minimal.mcap")
+    assert code == 1
+    assert line == rows[-1]["outcome"]["text"]
