@@ -40,6 +40,7 @@ COMMANDS: dict[str, str | None] = {
     "demo --duration 0": "all",
     "new my_scenario": None,
     "sweep": None,
+    "campaign indoor_lab --check true --out found --jobs 0": "search",
     "search indoor_lab --vary seed=1..3 --budget 1 --out found --jobs 0": "search",
     "topics": None,
     "schema": None,

@@ -10,7 +10,7 @@ import math
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -35,13 +35,19 @@ class EvaluationRequest(msgspec.Struct, frozen=True):
     recording: str
     """New file; it is kept."""
 
+    duration: str
+    """Sim time, s."""
+
     changes: list[tuple[str, Any]] = []
     """Changed fields with their values."""
 
-    duration: str | None = None
     check: str | None = None
     objective: str | None = None
     """Name of a key figure, or a shell command that prints a number."""
+
+    only_check: bool = False
+    """Whether the exit code of `record` does not count, which is 1 where a fault removes
+    readings. Expectations of the scenario count."""
 
 
 def evaluated(request: EvaluationRequest) -> PointOutcome:
@@ -49,28 +55,38 @@ def evaluated(request: EvaluationRequest) -> PointOutcome:
     recording = Path(request.recording)
     for _ in range(ATTEMPTS):
         recording.unlink(missing_ok=True)
-        code, text = _recorded(request, recording)
-        if code in HAS_RESULT and recording.exists():
+        run = _recorded(request, recording)
+        if run.code in HAS_RESULT and recording.exists():
             break
     else:
-        return PointOutcome("broken", text)
+        return PointOutcome("broken", run.text)
     try:
         figures = key_figures_of(recording)
     except UserError as error:
         return PointOutcome("broken", str(error))
-    verdict: Verdict = "failed" if code else "passed"
+    code, text = run.code, run.text
+    if request.only_check:
+        code = 1 if run.fails_expectation else 0
     if request.check:
         line, check_code = check_recording(request.check, recording)
         if check_code or not code:
-            text = line
-        verdict = "failed" if code or check_code else "passed"
+            code, text = check_code, line
+    verdict: Verdict = "failed" if code else "passed"
     objective = _objective(request.objective, figures, recording) if request.objective else None
     finite = {name: value for name, value in figures.items() if math.isfinite(value)}
     return PointOutcome(verdict, text, objective, finite)
 
 
-def _recorded(request: EvaluationRequest, recording: Path) -> tuple[int, str]:
-    """Record; return the exit code and what `record` says of the run."""
+class _Recorded(NamedTuple):
+    """What `record` says of a run."""
+
+    code: int
+    text: str
+    fails_expectation: bool = False
+
+
+def _recorded(request: EvaluationRequest, recording: Path) -> _Recorded:
+    """Record a run."""
     case = tuple(FieldChange(*change) for change in request.changes)
     words = record_command(request.scenario, case, recording, request.duration)
     done = subprocess.run(
@@ -81,9 +97,13 @@ def _recorded(request: EvaluationRequest, recording: Path) -> tuple[int, str]:
         preexec_fn=end_with_parent,
     )
     if done.returncode not in HAS_RESULT or not done.stdout:
-        return done.returncode or 1, (done.stderr.strip().splitlines() or ["no result"])[-1]
-    faults: list[str] = json.loads(done.stdout)["faults"]
-    return done.returncode, faults[0] if faults else "-"
+        lines = done.stderr.strip().splitlines() or ["no result"]
+        return _Recorded(done.returncode or UserError.exit_code, lines[-1])
+    printed: dict[str, Any] = json.loads(done.stdout)
+    expectations = printed.get("expectations", ())
+    failed = [each["text"] for each in expectations if each["verdict"] == "failed"]
+    text = next(iter([*failed, *printed["faults"]]), "-")
+    return _Recorded(done.returncode, text, bool(failed))
 
 
 def _objective(objective: str, figures: dict[str, float], recording: Path) -> float | None:

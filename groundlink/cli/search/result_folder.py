@@ -9,16 +9,24 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+from rich.console import Console
 
+from groundlink.cli.run.record import SECONDS
 from groundlink.cli.run.running import SCENARIO_HELP
+from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.json_output import add_json_option
 from groundlink.core import VERSION
 from groundlink.core.errors import UserError
 from groundlink.core.extras import check_installed
 from groundlink.scenario.schema import Scenario
-from groundlink.search.point_journal import PointJournal
+from groundlink.search.point_journal import PointJournal, PointOutcome
+
+from .point_processes import PointProcesses
 
 JOURNAL = "journal.jsonl"
+
+UNCHANGED = "scenario"
+"""Stage of the run of the scenario as it is."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +38,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="shell command to run on each recording, whose name is its last argument; an exit "
         "code other than 0 is a failure (default: the exit code of `record` decides)",
     )
-    parser.add_argument("--duration", metavar="S", help="sim time of each run (default 30 s)")
+    parser.add_argument(
+        "--duration",
+        type=float,
+        default=SECONDS,
+        metavar="S",
+        help="sim time of each run (default %(default)g s)",
+    )
     parser.add_argument(
         "--jobs",
         type=int,
@@ -57,6 +71,8 @@ def check_options(options: argparse.Namespace) -> None:
         with one line.
     """
     check_installed(("matplotlib", "mcap", "optuna", "pyarrow", "rosbags", "zstandard"), "search")
+    if not options.duration > 0:
+        raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
     if options.jobs < 1:
         raise UserError(f"--jobs {options.jobs}: expected 1 or more")
 
@@ -89,3 +105,30 @@ def opened_journal(out: Path, determined_by: dict[str, Any]) -> Iterator[PointJo
         yield journal
     finally:
         journal.close()
+
+
+def unchanged_outcome(
+    console: Console, processes: PointProcesses, journal: PointJournal, scenario: str
+) -> PointOutcome:
+    """Run the scenario as it is, and say its outcome.
+
+    Raises
+    ------
+    UserError
+        if there is none. The journal is then deleted.
+    """
+    processes.start(UNCHANGED, 1, {})
+    outcome = processes.result({})
+    if outcome.verdict == "broken":
+        journal.discard()
+        raise UserError(f"{scenario}: no result without a change: {outcome.text}")
+    say_outcome(console, f"{UNCHANGED}: no change", outcome)
+    if outcome.verdict == "failed":
+        terminal.say(console, "the scenario fails without a change; nothing else is run")
+    return outcome
+
+
+def say_outcome(console: Console, point: str, outcome: PointOutcome) -> None:
+    """Print the line of a point."""
+    figure = "" if outcome.objective is None else f", objective {outcome.objective:.5g}"
+    terminal.say(console, f"{point}: {outcome.verdict}{figure}: {outcome.text}")

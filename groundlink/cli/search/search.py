@@ -24,7 +24,7 @@ from groundlink.core.extras import needs
 from groundlink.loader import load
 from groundlink.loader.changed_scenario import changed_text, value_of
 from groundlink.loader.overrides import FieldChange
-from groundlink.search.point_journal import PointJournal, PointOutcome, PointRow, Values
+from groundlink.search.point_journal import PointJournal, PointRow, Values
 from groundlink.search.rounds import SEARCH, searched
 from groundlink.search.sampler import EvenSampler, OptunaSampler, Sampler
 from groundlink.search.shrinking import shrunk
@@ -32,12 +32,22 @@ from groundlink.search.space import FORM, NumberRange, Point, Space, nearness, p
 
 from .evaluation import EvaluationRequest
 from .point_processes import PointProcesses, evaluate_alone
-from .result_folder import add_arguments, check_options, identity, opened_journal
+from .result_folder import (
+    add_arguments,
+    check_options,
+    identity,
+    opened_journal,
+    say_outcome,
+    unchanged_outcome,
+)
 
 if TYPE_CHECKING:
     from groundlink.report.page.search_page import MinimalFailure
 
 SCENARIO_FILE, RECORDING, PAGE = "minimal.yaml", "minimal.mcap", "search.html"
+
+SHRINK = "shrink"
+"""Stage of the points that make a failure smaller."""
 
 AGAIN = "again"
 """Stage of the second run of the smallest failure."""
@@ -138,7 +148,7 @@ class _SearchRun:
         self._request = EvaluationRequest(
             options.scenario,
             recording="",
-            duration=options.duration,
+            duration=f"{options.duration:g}",
             check=options.check,
             objective=options.objective,
         )
@@ -150,7 +160,6 @@ class _SearchRun:
             self._journal, self._request, field_changes, options.jobs, options.out
         ) as processes:
             if self._fails_unchanged(processes):
-                self._say("the scenario fails without a change; nothing to search")
                 return None
             self._search(processes)
             failures = [
@@ -169,11 +178,8 @@ class _SearchRun:
 
     def _fails_unchanged(self, processes: PointProcesses) -> bool:
         """Run the scenario itself."""
-        outcome = self._evaluated(processes, "scenario", {})
+        outcome = unchanged_outcome(self._console, processes, self._journal, self._options.scenario)
         objective = self._options.objective
-        if outcome.verdict == "broken":
-            self._journal.discard()
-            raise UserError(f"{self._options.scenario}: no result without a change: {outcome.text}")
         if objective and outcome.objective is None:
             self._journal.discard()
             raise UserError(
@@ -192,19 +198,17 @@ class _SearchRun:
             for number, point, outcome in searched(
                 sampler, processes, options.budget, options.jobs, keep_going=options.keep_going
             ):
-                self._say_outcome(f"{number} of {options.budget}", point, outcome)
+                words = f"{number} of {options.budget}: {point_text(point)}"
+                say_outcome(self._console, words, outcome)
                 done(number / options.budget)
 
     def _fails(self, processes: PointProcesses, point: Point) -> bool:
         """Return whether a point fails, for shrinking."""
-        return self._evaluated(processes, "shrink", point).verdict == "failed"
-
-    def _evaluated(self, processes: PointProcesses, stage: str, point: Point) -> PointOutcome:
-        number = 1 + sum(row.stage == stage for row in self._journal.rows)
-        processes.start(stage, number, point)
+        number = 1 + sum(row.stage == SHRINK for row in self._journal.rows)
+        processes.start(SHRINK, number, point)
         outcome = processes.result(point)
-        self._say_outcome(stage, point, outcome)
-        return outcome
+        say_outcome(self._console, f"{SHRINK}: {point_text(point)}", outcome)
+        return outcome.verdict == "failed"
 
     def _repeated(self, point: Point) -> "MinimalFailure":
         """Write the smallest failure as a scenario, and run that."""
@@ -230,13 +234,8 @@ class _SearchRun:
         self._say(f"smallest failure: {point_text(point)}: {again}: {outcome.text}")
         self._say(f"wrote {file}, {recording}")
         words = ["groundlink", "record", str(file), "--out", "again.mcap"]
-        words += ["--duration", self._options.duration] if self._options.duration else []
+        words += ["--duration", f"{self._options.duration:g}"]
         return MinimalFailure(point, outcome, shlex.join(words))
-
-    def _say_outcome(self, what: str, point: Point, outcome: PointOutcome) -> None:
-        changes = point_text(point) or "no change"
-        figure = "" if outcome.objective is None else f", objective {outcome.objective:.5g}"
-        self._say(f"{what}: {changes}: {outcome.verdict}{figure}: {outcome.text}")
 
     def _say(self, line: str) -> None:
         terminal.say(self._console, line)
