@@ -18,7 +18,6 @@ from groundlink.cli.run.cases import check_recording, record_command
 from groundlink.core.errors import UserError
 from groundlink.loader.overrides import FieldChange
 from groundlink.monitor.supervisor import end_with_parent
-from groundlink.report.analysis.key_figures import key_figures_of
 from groundlink.search.point_journal import PointOutcome, Verdict
 
 ATTEMPTS = 2
@@ -52,6 +51,9 @@ class EvaluationRequest(msgspec.Struct, frozen=True):
 
 def evaluated(request: EvaluationRequest) -> PointOutcome:
     """Run a point; return its outcome."""
+    # Not at the top: the command imports this module before it has checked its extra.
+    from groundlink.report.analysis.key_figures import key_figures_of
+
     recording = Path(request.recording)
     for _ in range(ATTEMPTS):
         recording.unlink(missing_ok=True)

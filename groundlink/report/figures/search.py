@@ -30,7 +30,10 @@ LABEL_LETTERS = 28
 """A longer label is shortened at its begin."""
 
 TICK_LETTERS = 9
-"""The same, of a value."""
+"""A longer value is shortened at its end."""
+
+LIST_MARGIN = 0.2
+"""Room beside the values of a list, as a share of the axis."""
 
 MARKERS = {"passed": ("o", BLUE), "failed": ("X", RED), "broken": ("+", GRAY)}
 """Marker and color by verdict."""
@@ -68,7 +71,7 @@ def histograms(fields: Sequence[FieldCoverage]) -> str:
                 color=BLUE,
             )
             step = math.ceil(len(places) / 5)
-            labels = [_label(text, TICK_LETTERS) for text in covered.field.bins]
+            labels = [_tick(text) for text in covered.field.bins]
             plot.set_xticks(places[::step], labels[::step])
             plot.yaxis.set_major_locator(MaxNLocator(4, integer=True))
             plot.set_xlabel(_label(covered.field.name))
@@ -81,7 +84,9 @@ def pairs(fields: Sequence[VariedField], rows: Sequence[PointRow]) -> str:
     chosen = list(itertools.combinations(fields, 2))[:MAX_PAIRS]
     with style():
         figure, plots = _small_plots(len(chosen))
-        for plot, (across, up) in zip(plots, chosen, strict=True):
+        for plot, pair in zip(plots, chosen, strict=True):
+            # A list has the longer labels, for which there is room below.
+            across, up = sorted(pair, key=lambda field: isinstance(field, NumberRange))
             _points(
                 plot,
                 rows,
@@ -90,11 +95,13 @@ def pairs(fields: Sequence[VariedField], rows: Sequence[PointRow]) -> str:
             )
             plot.set_xlabel(_label(across.name))
             plot.set_ylabel(_label(up.name))
-            for axis, field in ((plot.xaxis, across), (plot.yaxis, up)):
+            for axis, set_margin, field in (
+                (plot.xaxis, plot.set_xmargin, across),
+                (plot.yaxis, plot.set_ymargin, up),
+            ):
                 if not isinstance(field, NumberRange):
-                    axis.set_ticks(
-                        range(field.count), [_label(text, TICK_LETTERS) for text in field.bins]
-                    )
+                    axis.set_ticks(range(field.count), list(map(_tick, field.bins)))
+                    set_margin(LIST_MARGIN)
         plots[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0)
         return svg(figure, "Points over each pair of fields, with their verdicts")
 
@@ -123,8 +130,8 @@ def _small_plots(count: int) -> tuple[Figure, list[Axes]]:
     height_in = SMALL_IN * high
     figure = Figure(figsize=(WIDTH_IN, height_in))
     figure.subplots_adjust(
-        left=0.075,
-        right=0.985,
+        left=0.085,
+        right=0.97,
         bottom=0.5 / height_in,
         top=1 - 0.3 / height_in,
         wspace=0.34,
@@ -136,7 +143,13 @@ def _small_plots(count: int) -> tuple[Figure, list[Axes]]:
     return figure, plots
 
 
-def _label(text: str, letters: int = LABEL_LETTERS) -> str:
+def _label(text: str) -> str:
     """Return a text for a label: its end, without formulas."""
-    short = text if len(text) <= letters else f"...{text[-letters:]}"
+    short = text if len(text) <= LABEL_LETTERS else f"...{text[-LABEL_LETTERS:]}"
+    return short.replace("$", r"\$")
+
+
+def _tick(text: str) -> str:
+    """Return a value for a label: its begin, without formulas."""
+    short = text if len(text) <= TICK_LETTERS else f"{text[:TICK_LETTERS]}..."
     return short.replace("$", r"\$")
