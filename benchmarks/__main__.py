@@ -14,7 +14,7 @@ from pathlib import Path
 
 from .claims import Claim
 
-NAMES = ("physics", "lidar", "camera", "lockstep", "bridge", "drift")
+NAMES = ("physics", "lidar", "camera", "lockstep", "bridge", "resim", "drift")
 """Each is `python -m benchmarks.NAME`; `drift` takes ten minutes."""
 
 

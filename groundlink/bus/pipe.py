@@ -37,7 +37,7 @@ def read_piped(stream: IO[bytes]) -> Iterator[PipedMessage]:
     while len(head := stream.read(_HEAD.size)) == _HEAD.size:
         key_bytes, payload_bytes = _HEAD.unpack(head)
         key, payload = stream.read(key_bytes), stream.read(payload_bytes)
-        if len(payload) < payload_bytes:
+        if (len(key), len(payload)) != (key_bytes, payload_bytes):
             return  # The process before was killed.
         yield PipedMessage(key.decode(), payload)
 

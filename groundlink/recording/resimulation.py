@@ -47,6 +47,11 @@ def check_drive(recorded: Scenario, given: Scenario) -> None:
         )
 
 
+def have_same_drive(one: Scenario, other: Scenario) -> bool:
+    """Return whether two scenarios differ in sensors, weather and light at most."""
+    return _as_seen_in(other, one) == one
+
+
 def sensors_to_simulate(recorded: Scenario, given: Scenario) -> list[str]:
     """Return the sensors of a scenario whose readings are not those of the recorded one.
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from groundlink.__main__ import main as groundlink
+from groundlink.report.analysis.key_figures import key_figures_of
 
 pytestmark = pytest.mark.system
 
@@ -24,15 +25,20 @@ vehicles:
 """
 
 
-def test_more_slip_gives_more_error(tmp_path: Path) -> None:
+def test_more_slip_gives_more_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario = tmp_path / "swept.yaml"
     scenario.write_text(SCENARIO)
     out = tmp_path / "out"
     values = "encoders.slip_stddev=0,0.5"
     words = ["sweep", str(scenario), "--set", values, "--duration", "3", "--out", str(out)]
     assert groundlink(words) == 0
+    assert "encoders.slip_stddev=0.5 (sensors only, on the drive of 1)" in capsys.readouterr().out
     with (out / "table.csv").open(newline="") as opened:
         exact, slipping = csv.DictReader(opened)
     assert float(exact["driven m"]) == float(slipping["driven m"]) > 0.5
     errors = [float(row["/odom error RMS m"]) for row in (exact, slipping)]
     assert errors[1] > 2 * errors[0]
+    whole = tmp_path / "whole.mcap"
+    words = ["record", str(scenario), "--set", "encoders.slip_stddev=0.5", "--duration", "3"]
+    assert groundlink([*words, "--out", str(whole)]) == 0
+    assert key_figures_of(whole) == key_figures_of(out / "2.mcap")

@@ -4,9 +4,12 @@
 Starts physics, sensors, drivers and the recorder, without ROS. The summary is read from the file.
 """
 
+from __future__ import annotations
+
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -35,6 +38,9 @@ from groundlink.monitor.run_monitor import RATE_TOLERANCE, RunMonitor
 
 from . import running, supervised
 from .dashboard import missions_table
+
+if TYPE_CHECKING:
+    from groundlink.recording.metadata import TopicFacts
 
 SECONDS = 30.0
 """Default duration, sim time."""
@@ -169,8 +175,7 @@ def _verdict(
                 "measured_hz": topic.measured_hz,
             }
         )
-        off = abs((topic.measured_hz or 0.0) / topic.declared_hz - 1) if topic.declared_hz else 0
-        if off > RATE_TOLERANCE:
+        if not keeps_rate(topic):
             faults.append(f"{name}: declared {declared}, measured {measured}")
     if (health := monitor.health.get(running.RECORDER)) and health.counters["bus_dropped"]:
         faults.append(
@@ -196,6 +201,12 @@ def _verdict(
         terminal.say(console, summary(results))
     supervised.say_faults(console, faults, missions)
     return 1 if faults else 0
+
+
+def keeps_rate(topic: TopicFacts) -> bool:
+    """Return whether a recorded topic has its declared rate, if it has one."""
+    declared = topic.declared_hz
+    return not declared or abs((topic.measured_hz or 0.0) / declared - 1) <= RATE_TOLERANCE
 
 
 def _rate(rate_hz: float | None) -> str:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`groundlink sweep SCENARIO --set FIELD=A,B`: record a scenario with other values; table figures.
 
+Where only sensors, weather or light differ, they are simulated again on a drive recorded before.
+
 Also `groundlink sweep EXPERIMENT --vary SENSOR.FIELD=[A, B]`, which repeats an experiment of the
 repository. The experiments are not part of the package.
 """
@@ -22,13 +24,16 @@ from rich.console import Console
 from groundlink.cli import Subparsers
 from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.json_output import add_json_option, print_json
+from groundlink.cli.terminal.progress import progress
 from groundlink.cli.terminal.tables import Column, FittingTable
 from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.loader import load, overrides
+from groundlink.scenario import Scenario
 
 from .cases import Case, check_recording, exit_code, record_case
+from .record import keeps_rate
 from .running import SCENARIO_HELP
 
 EXPERIMENTS = "experiments.studies.sweep"
@@ -47,7 +52,8 @@ def add_parser(subparsers: Subparsers) -> None:
         "sweep",
         help="record a scenario with several values of its fields; print a table of figures",
         description="Record a scenario once for each value, or each combination of values, and "
-        "print a table of the figures that differ. With --vary: repeat an experiment of the "
+        "print a table of the figures that differ. Where only sensors, weather or light differ, "
+        "one recorded drive serves all. With --vary: repeat an experiment of the "
         "repository, and print a table of its errors.",
     )
     parser.add_argument("scenario", help=f"{SCENARIO_HELP}; with --vary an experiment")
@@ -96,26 +102,35 @@ def _sweep_scenario(options: argparse.Namespace) -> int:
         from groundlink.report.analysis.key_figures import key_figures_of
 
     cases: list[Case] = list(itertools.product(*map(overrides.alternatives, options.set)))
-    for case in cases:  # mistakes are found before the first run
-        load(options.scenario, changes=case)
+    # Mistakes are found before the first run.
+    scenarios = [load(options.scenario, changes=case) for case in cases]
     console = terminal.console(stderr=options.json)
     rows: list[Row] = []
     failed = []
-    with _folder(options.out) as folder:
-        for number, case in enumerate(cases, 1):
+    drives: list[_Drive] = []
+    with _folder(options.out) as folder, tempfile.TemporaryDirectory() as temporary:
+        for number, (case, scenario) in enumerate(zip(cases, scenarios, strict=True), 1):
             words = ", ".join(change.text for change in case)
-            terminal.say(console, f"{number} of {len(cases)}: {words}")
+            said = f"{number} of {len(cases)}: {words}"
             recording = folder / f"{number}.mcap"
-            code = record_case(options.scenario, case, recording, options.duration)
-            if code not in (0, 1) or not recording.exists():
-                return code or 1
+            drive = next((each for each in drives if each.is_of(scenario)), None)
+            if drive is None:
+                terminal.say(console, said)
+                code = record_case(options.scenario, case, recording, options.duration)
+                if code not in (0, 1) or not recording.exists():
+                    return code or 1
+                if code == 0 and len(cases) > number:
+                    drives.append(_Drive(number, scenario, recording, Path(temporary)))
+            else:
+                terminal.say(console, f"{said} (sensors only, on the drive of {drive.number})")
+                code = drive.record(scenario, recording)
             row: Row = {change.field: change.value for change in case}
             if options.check:
                 row[CHECK], check_code = check_recording(options.check, recording)
                 code = code or check_code
             rows.append(row | key_figures_of(recording))
             failed += [words] if code else []
-            if not options.out:
+            if not options.out and recording not in [each.recording for each in drives]:
                 recording.unlink()
         if options.out:
             _write_csv(folder / "table.csv", rows)
@@ -126,6 +141,35 @@ def _sweep_scenario(options: argparse.Namespace) -> int:
     for words in failed:
         terminal.say(console, f"failed: {words}")
     return 1 if failed else 0
+
+
+class _Drive:
+    """A recorded drive, on which sensors are simulated again."""
+
+    def __init__(self, number: int, scenario: Scenario, recording: Path, folder: Path) -> None:
+        self.number, self.recording = number, recording
+        self._scenario, self._file = scenario, folder / f"{number}.drive"
+
+    def is_of(self, scenario: Scenario) -> bool:
+        """Return whether another scenario has this drive."""
+        from groundlink.recording.resimulation import have_same_drive
+
+        return have_same_drive(self._scenario, scenario)
+
+    def record(self, scenario: Scenario, to: Path) -> int:
+        """Write the recording of another scenario; return 0 if it has every declared rate.
+
+        Physics repeats the drive before the first one.
+        """
+        from groundlink.recording.reader import Recording
+        from groundlink.recording.repeated_run import resimulate, write_drive
+
+        with Recording(self.recording) as recording, progress(f"writing {to}") as show:
+            if not self._file.exists():
+                write_drive(recording, self._file)
+            resimulate(recording, scenario, to, drive=self._file, show=show)
+        with Recording(to) as written:
+            return 0 if all(map(keeps_rate, written.topics.values())) else 1
 
 
 @contextmanager

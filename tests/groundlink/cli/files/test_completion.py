@@ -46,6 +46,7 @@ NO_WORDS = {
     "TOPIC",
     "VEHICLE/SENSOR",
     "VEHICLE/SENSOR,...",
+    "VEHICLE=FILE",
     "WIDTHxHEIGHT",
     "X",
     "X,Y[,Z[,YAW]]",

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sweep records each combination once, and tables what differs."""
 
-import argparse
 import csv
 import json
 import shutil
@@ -11,7 +10,8 @@ import pytest
 
 from groundlink.__main__ import main as groundlink
 from groundlink.cli.run import sweep as module
-from groundlink.loader.overrides import FieldChange
+from groundlink.cli.run.cases import Case
+from groundlink.scenario import Scenario
 
 ROOT = Path(__file__).parents[4]
 RECORDING = ROOT / "tests" / "compatibility" / "every_kind.mcap"
@@ -19,15 +19,24 @@ RECORDING = ROOT / "tests" / "compatibility" / "every_kind.mcap"
 
 @pytest.fixture
 def recorded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The changes of each run; each gives the same recording, but a seed of 3 keeps no rate."""
+    """The changes of each run, or the drive on which its sensors are simulated.
+
+    Each gives the same recording, but a seed of 3 keeps no rate.
+    """
     cases: list[str] = []
 
-    def record(options: argparse.Namespace, case: tuple[FieldChange, ...], to: Path) -> int:
+    def record(scenario: str, case: Case, to: Path, duration: str | None) -> int:
         cases.append(" ".join(change.text for change in case))
         shutil.copy(RECORDING, to)
         return 1 if "seed=3" in cases[-1] else 0
 
-    monkeypatch.setattr(module, "_record", record)
+    def record_again(drive: module._Drive, scenario: Scenario, to: Path) -> int:
+        cases.append(f"{to.stem} on {drive.number}")
+        shutil.copy(drive.recording, to)
+        return 0
+
+    monkeypatch.setattr(module, "record_case", record)
+    monkeypatch.setattr(module._Drive, "record", record_again)
     return cases
 
 
@@ -38,9 +47,9 @@ def test_each_combination_is_recorded_once(
     assert groundlink(["sweep", "indoor_lab", *words, "--check", "basename"]) == 0
     assert recorded == [
         "seed=1 lidar.dropout=0",
-        "seed=1 lidar.dropout=0.5",
+        "2 on 1",
         "seed=2 lidar.dropout=0",
-        "seed=2 lidar.dropout=0.5",
+        "4 on 3",
     ]
     with (tmp_path / "all" / "table.csv").open(newline="") as opened:
         rows = list(csv.DictReader(opened))
@@ -55,6 +64,35 @@ def test_each_combination_is_recorded_once(
     table = capsys.readouterr().out
     assert "lidar.dropout" in table
     assert "driven m" not in table, "it does not differ"
+
+
+@pytest.mark.parametrize(
+    ("words", "runs"),
+    [
+        (["--set", "lidar.dropout=0,0.1,0.2"], ["lidar.dropout=0", "2 on 1", "3 on 1"]),
+        (["--set", "world.weather.rain_mm_per_h=1,5"], ["world.weather.rain_mm_per_h=1", "2 on 1"]),
+        (["--set", "rover.placement.x_m=0,1"], ["rover.placement.x_m=0", "rover.placement.x_m=1"]),
+        (["--set", "time.mode=fast,lockstep"], ['time.mode="fast"', 'time.mode="lockstep"']),
+        (
+            ["--set", "lidar.dropout=0,0.1", "--set", "rover.route.speed_mps=0.3,0.5"],
+            [
+                "lidar.dropout=0 rover.route.speed_mps=0.3",
+                "lidar.dropout=0 rover.route.speed_mps=0.5",
+                "3 on 1",
+                "4 on 2",
+            ],
+        ),
+    ],
+)
+def test_a_drive_is_recorded_once(words: list[str], runs: list[str], recorded: list[str]) -> None:
+    assert groundlink(["sweep", "indoor_lab_tour", *words]) == 0
+    assert recorded == runs
+
+
+def test_no_drive_is_taken_from_a_run_that_failed(recorded: list[str]) -> None:
+    words = ["--set", "seed=3", "--set", "lidar.dropout=0,0.1"]
+    assert groundlink(["sweep", "indoor_lab", *words]) == 1
+    assert recorded == ["seed=3 lidar.dropout=0", "seed=3 lidar.dropout=0.1"]
 
 
 def test_rows_are_printed_as_json(recorded: list[str], capsys: pytest.CaptureFixture[str]) -> None:
