@@ -56,3 +56,28 @@ def test_damaged_chunk_is_reported_when_read(tmp_path: Path) -> None:
     (tmp_path / "b.mcap").write_bytes(whole)
     with Recording(tmp_path / "b.mcap") as damaged, pytest.raises(UserError, match="damaged"):
         list(damaged.read())
+
+
+def test_chunks_that_overlap_are_read_in_order_of_time(tmp_path: Path) -> None:
+    file = RosFile(tmp_path / "a.mcap")
+    run = describe_run(load("indoor_lab"), "lab", 3)
+    file.mcap.add_metadata(RUN_RECORD, run_entries(run))
+    one, other = (file.topic(name, "rosgraph_msgs/msg/Clock") for name in ("/one", "/other"))
+    for topic, times in ((one, (1, 4, 9)), (other, (2, 4, 5)), (one, (10, 12)), (other, (11,))):
+        for nanos in times:
+            topic.write(nanos, memoryview(bytes([nanos])))
+        file.mcap.close_chunk()
+    file.commit({})
+    file.close()
+    with Recording(tmp_path / "a.mcap") as recording:
+        assert all(each.cdr == bytes([each.nanos]) for each in recording.read())
+        found = [(each.nanos, each.topic) for each in recording.read()]
+        assert found == [
+            *((1, "/one"), (2, "/other"), (4, "/one"), (4, "/other"), (5, "/other")),
+            *((9, "/one"), (10, "/one"), (11, "/other"), (12, "/one")),
+        ]
+        assert [(e.nanos, e.topic) for e in recording.read(["/other"])] == [
+            each for each in found if each[1] == "/other"
+        ]
+        assert [(e.nanos, e.topic) for e in recording.read(from_nanos=5)] == found[4:]
+        assert list(recording.read(["/absent"])) == []
