@@ -40,10 +40,10 @@ def check_drive(recorded: Scenario, given: Scenario) -> None:
     UserError
         when anything else differs: the vehicles would drive another way.
     """
-    if found := scenario_difference(_as_seen_in(given, recorded), recorded):
+    if found := scenario_difference(recorded, _as_seen_in(given, recorded)):
         raise UserError(
             f"the scenario differs from the recorded one in more than sensors, weather and light: "
-            f"{found}. Fix: give the recorded scenario and change those, or record another run"
+            f"{found}. Fix: change those only (noise by the `seed` of a sensor), or record a run"
         )
 
 

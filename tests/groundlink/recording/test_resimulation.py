@@ -22,6 +22,7 @@ def changed(*changes: str) -> Scenario:
     [
         ((), []),
         (("lidar.dropout=0.2",), ["rover/lidar"]),
+        (("lidar.seed=7",), ["rover/lidar"]),
         (("imu.rate_hz=200", "lidar.dropout=0.1"), ["rover/lidar", "rover/imu"]),
         (("encoders.rate_hz=100",), ["rover/encoders"]),
         (("world.weather={rain_mm_per_h: 5.0}",), RECORDED.sensor_names()),
@@ -51,7 +52,7 @@ def test_a_removed_sensor_makes_no_other_one_differ() -> None:
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        ("seed=7", "seed"),
+        ("seed=7", "seed: 1 recorded, 7 repeated"),
         ("vehicles.rover.placement.x_m=1.0", "placement"),
         ("world.room.size_m=[20, 20, 5]", "size_m"),
     ],
