@@ -7,7 +7,6 @@ journal is added at fixed simulation times, with every command at the tick from 
 """
 
 import math
-import time
 from collections.abc import Mapping
 
 from msgspec.structs import replace
@@ -20,8 +19,8 @@ from groundlink.recording.ros_channels import RecordedTopic, RosFile
 from .mcap_files import JOURNAL_NANOS, McapFiles
 from .recorder import Recorder, RecordingFile
 
-ASK_TIMES, ASK_SECONDS = 100, 0.02
-"""How often physics is asked for a checkpoint that it is about to complete, and the interval."""
+ASK_TIMES = 100
+"""How often physics is asked for a checkpoint that it is about to complete."""
 
 SLICE_NANOS = NANOS // 2
 """Simulation time of a slice: the most that a killed recorder loses, besides sensor latency."""
@@ -151,7 +150,8 @@ class OrderedMcapFiles(McapFiles):
     def _due_checkpoints(self, recorder: Recorder, journal: Journal) -> list[Checkpoint]:
         """Return the checkpoints before the messages written, that every process has left behind.
 
-        Physics may not yet have the acknowledgements that the recorder has; it gets them soon.
+        Physics may not yet have the acknowledgements that the recorder has. It takes what has come
+        whenever it answers.
         """
         assert recorder.clock is not None
         scenario = self._scenario
@@ -164,5 +164,4 @@ class OrderedMcapFiles(McapFiles):
         for _ in range(ASK_TIMES if count > 0 else 0):
             if len(found := self._new_checkpoints(recorder.clock)) >= count:
                 return list(found[:count])
-            time.sleep(ASK_SECONDS)
         return []
