@@ -38,14 +38,14 @@ def journal_at(recording: Recording, seconds: float) -> Journal:
     UserError
         when it is outside of the recording, or the recording has no checkpoint before it.
     """
-    tick = round(seconds * TICK_RATE_HZ)
     epoch_nanos = recording.run.epoch_nanos
     last_tick = (recording.last_nanos - epoch_nanos) // TICK_NANOS
-    if not 0 <= tick <= last_tick:
+    if not 0 <= seconds <= last_tick * TICK_SECONDS:
         raise UserError(
             f"--at {seconds:g}: outside of {recording.path}; expected seconds of sim time from "
             f"0 to {last_tick * TICK_SECONDS:g}"
         )
+    tick = round(seconds * TICK_RATE_HZ)
     checkpoint, acks = _checkpoint_before(recording, tick)
     begin_nanos = epoch_nanos + (checkpoint.tick if checkpoint else 0) * TICK_NANOS
     until_nanos = epoch_nanos + tick * TICK_NANOS + LATE_NANOS

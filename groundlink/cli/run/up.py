@@ -92,8 +92,18 @@ def up(options: argparse.Namespace) -> int:
     Every declared rate was kept. No vehicle ended stuck, tipped over, falling or off the map, if it
     has a route or the run a duration. Every expectation of the scenario passed.
     """
+    is_recording = Path(options.scenario).suffix == ".mcap"
+    if options.at is None and is_recording:
+        raise UserError(
+            f"{options.scenario}: a recording. Fix: pass the instant to start at, --at S"
+        )
     if options.at is None:
         return _up(options)
+    if not is_recording:
+        raise UserError(
+            f"--at {options.at:g}: expected a recording, got `{options.scenario}`. Fix: pass a "
+            "file that `groundlink record --checkpoints 5 --out RUN.mcap` wrote"
+        )
     content = seek.saved_run(Path(options.scenario), options.at)
     with tempfile.TemporaryDirectory() as folder:
         options.scenario = str(Path(folder, SEEKED))

@@ -2,6 +2,7 @@
 """The journal of an instant has the checkpoint that serves it, and what came since."""
 
 from collections.abc import Iterator
+from math import nan
 from pathlib import Path
 
 import pytest
@@ -123,7 +124,7 @@ def test_before_the_first_checkpoint_all_begins_at_tick_0(recording: Recording, 
     ]
 
 
-@pytest.mark.parametrize("seconds", [-1.0, 10.01])
+@pytest.mark.parametrize("seconds", [-1.0, 10.01, nan])
 def test_outside_of_the_recording(recording: Recording, seconds: float) -> None:
     with pytest.raises(UserError, match=r"outside of .*run.mcap; expected .* from 0 to 10"):
         journal_at(recording, seconds)
