@@ -317,9 +317,15 @@ class PhysicsServer:
 
     def _start_to_restore(self, saved: Journal, scenario: Scenario) -> None:
         self.is_in_loaded_world |= bool(saved.in_loaded_world)
-        episode = self._new_episode(
-            scenario, silent_publishers(), saved.epoch_nanos, saved.checkpoint or None
-        )
+        try:
+            episode = self._new_episode(
+                scenario, silent_publishers(), saved.epoch_nanos, saved.checkpoint or None
+            )
+        except (msgspec.MsgspecError, ValueError) as error:
+            raise UserError(
+                f"the saved run's checkpoint does not fit its scenario ({error}). Fix: record the "
+                "run again with this version of Groundlink"
+            ) from None
         episode.begin(time.time_ns(), time.monotonic())
         self._restoration = Restoration(saved, episode)
         self.control.restoring_to = saved.tick

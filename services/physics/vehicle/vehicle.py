@@ -242,7 +242,15 @@ class SimulatedVehicle:
         )
 
     def remember(self, memory: VehicleMemory) -> None:
-        """Continue where another vehicle of its model stopped."""
+        """Continue where another vehicle of its model stopped.
+
+        Raises
+        ------
+        ValueError
+            when it was another model.
+        """
+        if len(memory.ground_contacts) != self._count:
+            raise ValueError(f"expected {self._count} wheels, got {len(memory.ground_contacts)}")
         self._backend.set_pose(self.body, memory.pose)
         self._backend.set_joint_states(self.body, self._joints, memory.springs)
         self._backend.set_velocity(self.body, *memory.twist)

@@ -4,6 +4,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import msgspec
 import pytest
 from msgspec.structs import replace
 
@@ -172,3 +173,27 @@ def test_last_acknowledgement_of_a_driver_needs_no_earlier_command() -> None:
         assert episode.journal().acks[name] == ack
         state = decode(episode.history_for(name)[1], State)
         assert state.tick == PERIOD_TICKS
+
+
+def test_of_another_model_is_refused() -> None:
+    robot, tank = scenarios()["decontamination robot"], scenarios()["tank"]
+    robot = replace(robot, time=replace(robot.time, checkpoint_s=PERIOD_S))
+    with episode_of(robot, Heard(robot), 5) as episode:
+        while episode.tick < PERIOD_TICKS:
+            episode.step()
+        [checkpoint] = episode.checkpoints.complete
+    other = replace(tank.vehicles[0], name=robot.vehicles[0].name, placement=Placement())
+    materials = robot.world.materials | tank.world.materials
+    world = replace(robot.world, materials=materials)
+    of_tank = replace(robot, vehicles=(other,), world=world)
+    for bad, problem in (
+        (checkpoint, "wheels, got"),
+        (replace(checkpoint, memory=b"?"), "MessagePack|Expected"),
+    ):
+        with pytest.raises((ValueError, msgspec.MsgspecError), match=problem):
+            Episode(
+                *(of_tank, "run", Heard(of_tank).publishers),
+                required=(),
+                wall_nanos=9,
+                checkpoint=bad,
+            )
