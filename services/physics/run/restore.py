@@ -45,10 +45,10 @@ class JournalArchive:
         UserError
             when the episode has not begun.
         """
-        number, left_out, known = (*asked.split("/"), "", "")[:3]
-        if not (number + left_out + known).isdecimal() and asked:
+        number, *others = asked.split("/")
+        if len(others) > 2 or not all(part.isdecimal() for part in (number or "0", *others)):
             return None
-        first = int(left_out or 0)
+        first, *known = map(int, others or "0")
         if not number or int(number) == present.number:
             journal = present.journal(first)
             checkpoints: Sequence[Checkpoint] = present.checkpoints.complete
@@ -57,7 +57,7 @@ class JournalArchive:
             journal = replace(journal, entries=journal.entries[first:], left_out=first)
         else:
             return None
-        return replace(journal, checkpoints=tuple(checkpoints[int(known) :])) if known else journal
+        return replace(journal, checkpoints=tuple(checkpoints[known[0] :])) if known else journal
 
 
 class JournalPlayer:

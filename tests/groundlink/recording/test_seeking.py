@@ -82,7 +82,7 @@ def opened(path: Path, checkpoints: tuple[Checkpoint, ...]) -> Iterator[Recordin
             left_out=left_out,
         )
         left_out += len(entries)
-        file.add_journal(EPOCH + 800 * number * TICK_NANOS, dump_journal(part))
+        file.add_journal(EPOCH + (800 * number - 5) * TICK_NANOS, dump_journal(part))
     for checkpoint in checkpoints:
         file.add_checkpoint(EPOCH + checkpoint.tick * TICK_NANOS, dumped(checkpoint))
     file.mcap.commit("topics", {})

@@ -17,7 +17,15 @@ from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.messages.base import Ack, BusMessage, Command, State, decode, encode
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement, TrueMap
-from groundlink.world.actors import Actor, CrateForm, DoorForm, FreeMotion, HingeMotion, Swing
+from groundlink.world.actors import (
+    Actor,
+    CrateForm,
+    DoorForm,
+    EntityDescription,
+    FreeMotion,
+    HingeMotion,
+    Swing,
+)
 from services.physics.run.episode import Episode
 from services.physics.run.publishers import Publish, Publishers
 
@@ -103,7 +111,9 @@ def change(episode: Episode, vehicle: str) -> None:
     if tick == 430:
         place = SpawnPlace(-3.0, -2.0)
         episode.change(Spawn(addition("crate", at=place, name=None, taken=(), ground=None)[1]))
-    if tick == 470:
+    if tick == 440:
+        episode.describe("crate", EntityDescription(description="heavy"))
+    if tick == 620:
         episode.change(Remove("crate"))
     if tick == 650:
         episode.reset_state()
@@ -122,6 +132,8 @@ def test_equals_the_episode_that_made_it(name: str) -> None:
             heard.tick = episode.tick + 1
             episode.step()
         made, journal = episode.checkpoints.complete, episode.journal()
+        registry = episode.entities.memory()
+    assert registry.descriptions
     assert [checkpoint.tick for checkpoint in made] == [
         *range(PERIOD_TICKS, END_TICK, PERIOD_TICKS)
     ]
@@ -141,6 +153,7 @@ def test_equals_the_episode_that_made_it(name: str) -> None:
             first = [message for tick, message in again.messages if tick == checkpoint.tick]
             assert set(first) <= {m for tick, m in heard.messages if tick == checkpoint.tick}
             assert episode.journal().checkpoint == checkpoint
+            assert episode.entities.memory() == registry
 
 
 def test_checkpoints_change_nothing_before_the_first() -> None:
@@ -168,6 +181,7 @@ def test_last_acknowledgement_of_a_driver_needs_no_earlier_command() -> None:
     ack = Ack(9, PERIOD_TICKS, PERIOD_TICKS, commanded={scenario.vehicles[0].name: 50})
     with episode_of(scenario, Heard(scenario), 9, checkpoint) as episode:
         episode.take_over({name: replace(ack, episode=5)})
+        ack = replace(ack, tick=PERIOD_TICKS + 8)
         episode.acknowledged(name, ack)
         episode.apply_acks()
         assert episode.journal().acks[name] == ack

@@ -14,7 +14,9 @@ from groundlink.messages.base import Command, packed
 from groundlink.messages.navigation import JointState
 from groundlink.scenario import Scenario
 from groundlink.scenario.running_gear import Battery
+from groundlink.scenario.vehicle import EFFECTS, Effect, VehicleModel
 from groundlink.scene.build import solids
+from groundlink.world.actors import Actor, CrateForm, FreeMotion
 from services.physics.simulation.simulation import Simulation, SimulationMemory
 
 DERIVED = frozenset(
@@ -65,12 +67,25 @@ def is_plain(value: object) -> bool:
 
 
 def scenario_of(name: str) -> Scenario:
-    """Return a shipped scenario whose vehicle has a battery."""
+    """Return a shipped scenario whose vehicle has a battery and all effects, and a crate."""
     scenario = load(name)
     [vehicle, *_] = scenario.vehicles
     battery = Battery(capacity_ah=2.0, full_v=25.0, empty_v=20.0, resistance_ohm=0.1)
     model = replace(vehicle.model, battery=battery)
-    return replace(scenario, vehicles=(replace(vehicle, model=model),))
+    crate = Actor(
+        name="crate",
+        form=CrateForm(material="plaster"),
+        # It falls, and turns where it lands.
+        motion=FreeMotion(at_m=(3.0, 3.0, 0.5), yaw_deg=20.0, mass_kg=8.0),
+    )
+    world = replace(scenario.world, actors=(crate,))
+    vehicle = replace(vehicle, model=model, effects=effects_of(model))
+    return replace(scenario, vehicles=(vehicle,), world=world)
+
+
+def effects_of(model: VehicleModel) -> tuple[Effect, ...]:
+    """Return all effects that a model has."""
+    return tuple(name for name in EFFECTS if getattr(model, name) is not None)
 
 
 @pytest.mark.parametrize("name", ["indoor_lab", "indoor_paper", "outdoor_paper"])
@@ -93,12 +108,20 @@ def test_nothing_is_forgotten(name: str) -> None:
                     70 * TICK_NANOS, "", tuple(servos), asked, memoryview(b""), memoryview(b"")
                 ),
             )
-        before = dict(inner_state(simulation))
+        if vehicle.model.bumper:
+            # As where the chassis touches a wall.
+            simulation._vehicles[vehicle.name]._share_bumper(vehicle.model.bumper, 3)
+        before, motions = dict(inner_state(simulation)), simulation.motions()
         content = msgspec.msgpack.encode(simulation.memory())
         memory = msgspec.msgpack.decode(content, type=SimulationMemory)
         with Simulation(scenario, solids(scenario), memory=memory) as again:
             after = dict(inner_state(again))
             assert after == before
+            for name, motion in again.motions().items():
+                for now, then in zip(motion, motions[name], strict=True):
+                    np.testing.assert_allclose(
+                        np.concatenate(now), np.concatenate(then), atol=1e-12
+                    )
         assert len(before) > 50
 
 
