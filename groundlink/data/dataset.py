@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from groundlink.core.clock import NANOS
 from groundlink.core.errors import RequirementError, UserError
 from groundlink.core.frames import IDENTITY_QUATERNION
+from groundlink.expectations.results import ExpectationResult
+from groundlink.recording.judging import judged
 from groundlink.recording.metadata import TopicFacts
 from groundlink.recording.reader import Recording
 from groundlink.ros.streams import mounts
@@ -71,6 +73,10 @@ class Dataset:
     def start_nanos(self) -> int:
         """Stamp of sim time zero."""
         return self._recording.run.epoch_nanos
+
+    def expectations(self) -> list[ExpectationResult]:
+        """Return the verdicts on the expectations of the scenario, as `groundlink judge` does."""
+        return judged(self._recording, self.scenario)
 
     def messages(
         self, topic: str, *, start_s: float | None = None, end_s: float | None = None

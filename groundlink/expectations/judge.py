@@ -15,6 +15,7 @@ from groundlink.messages.ground_truth import Vitals
 from groundlink.messages.navigation import Odometry, PoseStamped
 from groundlink.ros.streams import RosStream, incoming, outgoing, recorded_only
 from groundlink.scenario.expectations import (
+    Expectation,
     NeverFails,
     PoseExpectation,
     TopicAge,
@@ -25,7 +26,7 @@ from groundlink.scenario.schema import Scenario, Vehicle
 
 from .planar import PlanarPose, between, planar
 from .results import FAILED, UNDECIDED, ExpectationResult
-from .scope import estimates, vehicle_of
+from .scope import estimates, mistakes, vehicle_of
 from .trackers import ExpectationTracker, TopicFigures, tracker
 
 HISTORY_SECONDS = 10.0
@@ -36,15 +37,24 @@ MAX_WAITING = 4096
 
 
 class ExpectationJudge:
-    """Judge of the expectations of a checked scenario."""
+    """Judge of the expectations of a scenario.
+
+    Those that refer to what is not there, as in a world that was loaded later, stay undecided.
+    """
 
     def __init__(self, scenario: Scenario, run: str) -> None:
         self._scenario = scenario
+        self._unfit: dict[int, ExpectationTracker] = {}
+        for mistake in mistakes(scenario):
+            one = ExpectationTracker(scenario.expect[mistake.number])
+            one.give_up(mistake.text, is_skipped=False)
+            self._unfit[mistake.number] = one
+        fit = {n: e for n, e in enumerate(scenario.expect) if n not in self._unfit}
         poses = estimates(scenario, run)
-        self._vehicles = [_VehicleJudge(v, scenario, poses) for v in scenario.vehicles]
+        self._vehicles = [_VehicleJudge(v, scenario, fit, poses) for v in scenario.vehicles]
         self._topics = {
             number: (expectation.topic, tracker(expectation, scenario, None))
-            for number, expectation in enumerate(scenario.expect)
+            for number, expectation in fit.items()
             if isinstance(expectation, TopicRate | TopicAge)
         }
         self._reported_s: float | None = None
@@ -90,7 +100,7 @@ class ExpectationJudge:
         end_s = max(self._reported_s or 0.0, *(vehicle.end_s for vehicle in self._vehicles))
         for number, (_, one) in self._topics.items():
             if self._reported_s is None and isinstance(self._scenario.expect[number], TopicAge):
-                one.skip("no gateway took part, so messages have no ages")
+                one.give_up("no gateway took part, so messages have no ages", is_skipped=True)
             else:
                 one.finish(end_s)
 
@@ -112,7 +122,7 @@ class ExpectationJudge:
 
     def _trackers(self) -> dict[int, ExpectationTracker]:
         """Return all trackers by the number of their expectation."""
-        found = {number: one for number, (_, one) in self._topics.items()}
+        found = self._unfit | {number: one for number, (_, one) in self._topics.items()}
         for vehicle in self._vehicles:
             found |= vehicle.trackers
         return found
@@ -122,7 +132,11 @@ class _VehicleJudge:
     """Judge of the expectations of one vehicle in the present episode."""
 
     def __init__(
-        self, vehicle: Vehicle, scenario: Scenario, poses: Mapping[str, tuple[Vehicle, RosStream]]
+        self,
+        vehicle: Vehicle,
+        scenario: Scenario,
+        fit: Mapping[int, Expectation],
+        poses: Mapping[str, tuple[Vehicle, RosStream]],
     ) -> None:
         self.name = vehicle.name
         self._vehicle, self._scenario = vehicle, scenario
@@ -130,7 +144,7 @@ class _VehicleJudge:
         self._vitals_topic = scenario.vitals_topic(vehicle)
         self._expected = {
             number: expectation
-            for number, expectation in enumerate(scenario.expect)
+            for number, expectation in fit.items()
             if (isinstance(expectation, VehicleExpectation) and self._is_of(expectation))
             or (isinstance(expectation, PoseExpectation) and poses[expectation.topic][0] is vehicle)
         }

@@ -25,7 +25,9 @@ class ExpectationResult(msgspec.Struct, frozen=True, kw_only=True):
     """The measured figure: of a place, the least distance; of a limit, the largest value, or the
     first one beyond the limit; none: nothing was measured."""
 
-    limit: float
+    limit: float | None
+    """None: what the expectation is about is not in the run."""
+
     unit: str
     at_s: float | None
     """Sim time of the value; none: of the whole run, or there is no value."""
@@ -45,13 +47,17 @@ class ExpectationResult(msgspec.Struct, frozen=True, kw_only=True):
     def cells(self) -> tuple[str, str, str, str, str]:
         """Name, verdict, value, limit and text as texts, for tables."""
         verdict = "skipped" if self.skipped else self.verdict
-        value = "-" if self.value is None else f"{self.value:.3g} {self.unit}"
-        return self.name, verdict, value, f"{self.limit:.6g} {self.unit}", self.text
+        figures = ((self.value, ".3g"), (self.limit, ".6g"))
+        value, limit = (
+            "-" if x is None else f"{round(x, 6) + 0.0:{form}} {self.unit}" for x, form in figures
+        )
+        return self.name, verdict, value, limit, self.text
 
     @property
     def line(self) -> str:
-        """The result as one line."""
-        return f"{self.name}: {self.verdict}: {self.text}"
+        """The result as one line, for lists of what failed."""
+        undecided = "undecided, " if self.verdict == UNDECIDED else ""
+        return f"{self.name}: {undecided}{self.text}"
 
     def to_builtins(self) -> dict[str, Any]:
         """Return plain data, for JSON."""

@@ -25,10 +25,16 @@ from groundlink.scene.entities import static_entities
 class ExpectationMistake(NamedTuple):
     """A mistake in an expectation."""
 
-    path: tuple[str | int, ...]
-    """Path of the field in the scenario."""
+    number: int
+    """Number of the expectation in the scenario."""
 
+    field: str
     text: str
+
+    @property
+    def path(self) -> tuple[str | int, ...]:
+        """Path of the field in the scenario."""
+        return ("expect", self.number, self.field)
 
 
 def vehicle_of(expectation: VehicleExpectation, scenario: Scenario) -> Vehicle | None:
@@ -78,15 +84,15 @@ def mistakes(scenario: Scenario) -> Iterator[ExpectationMistake]:
     """Yield the mistakes in the expectations of a scenario."""
     titles: set[str] = set()
     for number, expectation in enumerate(scenario.expect):
-        here = ("expect", number)
         if expectation.title in titles:
             yield ExpectationMistake(
-                (*here, "name"),
+                number,
+                "name",
                 f"another expectation has the name `{expectation.title}`. Fix: add a `name`",
             )
         titles.add(expectation.title)
         for field, text in _mistakes(expectation, scenario):
-            yield ExpectationMistake((*here, field), text)
+            yield ExpectationMistake(number, field, text)
 
 
 def _mistakes(expectation: Expectation, scenario: Scenario) -> Iterator[tuple[str, str]]:

@@ -53,17 +53,26 @@ class TopicFigures(NamedTuple):
 
 
 class ExpectationTracker:
-    """Tracker of one expectation. A kind takes what it needs; the rest is ignored."""
+    """Tracker of one expectation. A kind takes what it needs; the rest is ignored.
+
+    One without a limit decides nothing.
+    """
 
     unit = ""
 
-    def __init__(self, expectation: ExpectationSpec, limit: float) -> None:
-        self._expectation, self._limit = expectation, limit
+    def __init__(self, expectation: ExpectationSpec, limit: float | None = None) -> None:
+        self._expectation = expectation
+        self._stated_limit = limit
         self._verdict: Verdict = UNDECIDED
         self._value: float | None = None
         self._at_s: float | None = None
         self._text = ""
         self._is_skipped = False
+
+    @property
+    def _limit(self) -> float:
+        assert self._stated_limit is not None
+        return self._stated_limit
 
     @property
     def verdict(self) -> Verdict:
@@ -96,9 +105,9 @@ class ExpectationTracker:
     def finish(self, end_s: float) -> None:
         """Decide at the end of the run, at this sim time, what can be decided."""
 
-    def skip(self, reason: str) -> None:
-        """End without a verdict, since a run of this kind does not measure what is judged."""
-        self._is_skipped, self._text = True, reason
+    def give_up(self, reason: str, *, is_skipped: bool) -> None:
+        """Stay undecided: what is judged is not in the run, or is skipped in runs of its kind."""
+        self._is_skipped, self._text = is_skipped, reason
 
     def result(self) -> ExpectationResult:
         """Return the result so far."""
@@ -107,7 +116,7 @@ class ExpectationTracker:
             kind=self._expectation.kind,
             verdict=self._verdict,
             value=self._value,
-            limit=self._limit,
+            limit=self._stated_limit,
             unit=self.unit,
             at_s=self._at_s,
             text=self._text or "not decided yet",

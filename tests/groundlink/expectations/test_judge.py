@@ -98,6 +98,15 @@ def test_a_verdict_is_settled_by_a_failure_or_by_all_that_can_pass_early(
     assert judge.is_settled == is_settled
 
 
+def test_what_is_not_in_the_world_stays_undecided(expecting: Expecting) -> None:
+    scenario = expecting(TOUCH, {"kind": "reaches", "place": "goal"})
+    touch, goal = results(ExpectationJudge(scenario, "lab"), driven(1))
+    assert touch.verdict == PASSED
+    assert (goal.verdict, goal.is_problem, goal.limit) == (UNDECIDED, True, None)
+    assert goal.text.startswith("no pose or checkpoint `goal`")
+    assert goal.cells[3] == "-"
+
+
 def test_figures_of_topics(expecting: Expecting) -> None:
     recorded = ExpectationJudge(expecting(RATE, AGE), "lab")
     recorded.recorded({"/odom": TopicFigures(50.0), "/other": TopicFigures(1.0)})

@@ -59,6 +59,6 @@ def test_a_verdict_is_an_element(number: int, tag: str) -> None:
 
 def test_what_was_not_decided_is_a_problem_unless_skipped() -> None:
     assert problems(RESULTS) == [
-        "bad: failed: <bad> & 0.2 m",
-        "short: undecided: <short> & 0.2 m",
+        "bad: <bad> & 0.2 m",
+        "short: undecided, <short> & 0.2 m",
     ]

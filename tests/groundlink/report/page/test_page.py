@@ -97,7 +97,7 @@ def test_figures_are_on_it(content: str) -> None:
     for words in (
         *("4.5 m</b><span>driven", "0.75 m/s", "295.0 J", "table_3_leg_1", "900 N at 3.2"),
         *("3 missing, 2 dropped", "9.0 ms", "lab-pc", "stale 4", "seed 1", "indoor_lab_tour"),
-        *("never_touches: failed: touched `table_3_leg_1` at 3.00 s", "touched nothing"),
+        *("never_touches: touched `table_3_leg_1` at 3.00 s", "touched nothing"),
         *("/imu: 1 gap, the longest of 500 ms", "rover touched table_3_leg_1"),
         *("/imu: of 2398 readings 150 overloaded, 49 unexplained", "2.0025 s", "2.3750 s"),
         "dropped because the sensor was behind",

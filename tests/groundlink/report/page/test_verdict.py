@@ -82,7 +82,7 @@ def test_an_expectation_that_did_not_pass_comes_first_and_makes_the_page_red(
     gathered: RunSummary,
 ) -> None:
     run = replace(run_of(gathered, track(every(0, 8))), expectations=gathered.expectations)
-    assert problems(run)[0] == "never_touches: failed: touched `table_3_leg_1` at 3.00 s"
+    assert problems(run)[0] == "never_touches: touched `table_3_leg_1` at 3.00 s"
     assert len(problems(run)) == 2
     assert "verdict failed" in verdict(run)
 
