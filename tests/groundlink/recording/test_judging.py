@@ -8,6 +8,7 @@ import pytest
 
 from groundlink.__main__ import main
 from groundlink.core.clock import NANOS
+from groundlink.data.dataset import Dataset
 from groundlink.expectations.judge import ExpectationJudge
 from groundlink.expectations.results import FAILED, PASSED
 from groundlink.messages.base import Health, StreamReport
@@ -69,6 +70,8 @@ def test_verdicts_are_those_of_the_live_run(tmp_path: Path, expecting: Expecting
     with Recording(write(tmp_path / "run.mcap", scenario, sent)) as recording:
         shares: list[float] = []
         assert judged(recording, recording.run.scenario, shares.append) == live.results()
+    with Dataset(tmp_path / "run.mcap") as run:
+        assert run.expectations() == live.results()
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
     assert {one.verdict for one in live.results()} == {PASSED, FAILED}
