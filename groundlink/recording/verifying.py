@@ -239,6 +239,7 @@ def scenario_difference(recorded: Scenario, given: Scenario) -> Difference | Non
         name=recorded.name,
         description=recorded.description,
         gateway=recorded.gateway,
+        expect=recorded.expect,
         time=replace(recorded.time, clock_rate_hz=given.time.clock_rate_hz),
     )
     return first_difference(*(msgspec.to_builtins(each) for each in (recorded, alike)))

@@ -101,6 +101,7 @@ def _content(scenario: Scenario) -> dict[str, Any]:
         "true_map": scenario.true_map
         and {"topic": TRUE_MAP_TOPIC, "rate_hz": scenario.true_map.rate_hz, "push": True},
         "gateway": {"bind": scenario.gateway.bind, "peer": scenario.gateway.peer},
+        "expectations": [expectation.title for expectation in scenario.expect],
     }
 
 
@@ -194,6 +195,7 @@ def _lines(content: dict[str, Any]) -> Iterator[str]:
         yield f"truth    {_truth_text(content['true_map'])}"
     gateway = content["gateway"]
     yield f"gateway  {gateway['bind']}, sends to {gateway['peer']}"
+    yield from (f"expect   {title}" for title in content["expectations"])
 
 
 def _stream_text(stream: dict[str, Any]) -> str:

@@ -18,6 +18,13 @@ def test_route_is_printed_with_its_length(
     assert ("route    rover/driver: 44.6 m at 0.6 m/s" in capsys.readouterr().out) is drives
 
 
+def test_expectations_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "yard"]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    expected = [["never_touches"], ["never_fails"], ["stays_on_route"]]
+    assert [line[1:] for line in lines if line[0] == "expect"] == expected
+
+
 JOINTS = """
 name: joints
 world: lab
