@@ -14,9 +14,9 @@ from itertools import chain
 from typing import Any, NamedTuple
 
 from groundlink.core.errors import UserError, did_you_mean
+from groundlink.core.field_docs import summary
 from groundlink.scenario.every_sensor import PATTERNS
 
-from .field_docs import summary
 from .json_schema import RESOLVED, TOPIC_IN_FILES, Schema
 
 TAG = "kind"

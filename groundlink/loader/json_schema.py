@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 import msgspec
 from msgspec.inspect import Field, StructType, Type, multi_type_info
 
+from groundlink.core.field_docs import field_descriptions, summary
 from groundlink.importing.map_specs import OccupancyMapFile
 from groundlink.importing.mesh_specs import MeshFile
 from groundlink.importing.terrain_specs import TerrainSpec
@@ -24,7 +25,6 @@ from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Mesh
 from groundlink.world.terrain import Terrain
 
-from .field_docs import field_descriptions, summary
 from .scatter import Scatter
 from .terrain_placement import ON_GROUND
 

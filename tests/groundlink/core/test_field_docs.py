@@ -8,8 +8,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from groundlink.core.field_docs import field_descriptions, summary
 from groundlink.core.fields import Spec
-from groundlink.loader.field_docs import field_descriptions, summary
 
 ROOT = Path(__file__).resolve().parents[3]
 
