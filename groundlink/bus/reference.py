@@ -5,16 +5,14 @@ Generated from the table of topics and the message classes. The meaning of a fie
 in the source. The text is part of `docs/reference/bus.md`.
 """
 
-import ast
 import inspect
-import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import msgspec
 from msgspec import inspect as types
 
-from groundlink.messages.base import POINT, BusMessage
+from groundlink.core.field_docs import field_descriptions
+from groundlink.messages.base import POINT
 from groundlink.messages.ground_truth import LABELED_POINT, TRUE_POINT
 
 from .core_topics import ROOT
@@ -71,7 +69,7 @@ def _section(struct: type[Any], found: list[type[Any]]) -> Iterator[str]:
     yield ""
     yield _joined(inspect.getdoc(struct) or "")
     yield ""
-    docs = _field_docs(struct)
+    docs = field_descriptions(struct)
     info = types.type_info(struct)
     assert isinstance(info, types.StructType)
     rows = []
@@ -80,7 +78,7 @@ def _section(struct: type[Any], found: list[type[Any]]) -> Iterator[str]:
     for field in info.fields:
         default = "" if field.required else "optional. "
         kind = _kind(field.type, found)
-        rows.append((f"`{field.encode_name}`", kind, default + docs.get(field.name, "")))
+        rows.append((f"`{field.encode_name}`", kind, default + _joined(docs.get(field.encode_name, ""))))
     yield from _table(("field", "type", "meaning"), rows)
 
 
@@ -105,24 +103,6 @@ def _kind(field: types.Type, found: list[type[Any]]) -> str:
         case types.NoneType():
             return "nil"
     return type(field).__name__.removesuffix("Type").lower()
-
-
-def _field_docs(struct: type[Any]) -> dict[str, str]:
-    """Return the docstrings of a struct's fields, inherited ones included."""
-    docs: dict[str, str] = {}
-    for base in reversed(struct.__mro__):
-        if base in (object, msgspec.Struct, BusMessage) or not issubclass(base, msgspec.Struct):
-            continue
-        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
-        assert isinstance(tree, ast.ClassDef)
-        for field, doc in zip(tree.body, tree.body[1:], strict=False):
-            match field, doc:
-                case (
-                    ast.AnnAssign(target=ast.Name(id=name)),
-                    ast.Expr(value=ast.Constant(value=str(text))),
-                ):
-                    docs[name] = _joined(text)
-    return docs
 
 
 def _joined(text: str) -> str:
