@@ -78,7 +78,8 @@ def _section(struct: type[Any], found: list[type[Any]]) -> Iterator[str]:
     for field in info.fields:
         default = "" if field.required else "optional. "
         kind = _kind(field.type, found)
-        rows.append((f"`{field.encode_name}`", kind, default + _joined(docs.get(field.encode_name, ""))))
+        meaning = _joined(docs.get(field.encode_name, ""))
+        rows.append((f"`{field.encode_name}`", kind, default + meaning))
     yield from _table(("field", "type", "meaning"), rows)
 
 
