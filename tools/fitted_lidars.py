@@ -30,6 +30,7 @@ from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rays.scene import Hits
 from services.sensors.scanning.beams import Rays
 from services.sensors.scanning.draws import RevolutionDraws
+from services.sensors.scanning.foreign_light import ForeignLight
 from services.sensors.scanning.returns import LidarReceiver
 from services.sensors.scanning.stray_light import StrayLight
 from services.sensors.scanning.sweep import Sweep
@@ -142,7 +143,7 @@ def measured(spec: Lidar, windows: Windows) -> tuple[Firings, Shots]:
     reflectance = _reflectance()
     receiver = LidarReceiver(
         *(spec, sweep, reflectance, None, StrayLight(spec, sweep.rings)),
-        *(streams, RevolutionDraws(streams)),
+        *(ForeignLight(spec, None, 0), streams, RevolutionDraws(streams)),
     )
     lasers, firings = len(sweep.rings), sweep.seconds.shape[1] // WINDOW * WINDOW
     size = lasers * firings // WINDOW

@@ -21,6 +21,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from benchmarks.claims import Claim, add_options, judge
 from groundlink.core.errors import UserError
@@ -29,6 +30,7 @@ from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED, read_datasheet
 from groundlink.messages.base import PointCloud, State
 from groundlink.world.triangles import of_ground
+from groundlink.world.weather import Sun
 from services.sensors.lidar.model import LidarModel
 from services.sensors.lidar.spec import Lidar
 from services.sensors.rays.scene import Reals
@@ -236,13 +238,25 @@ def sizes(rounds: int, _: Path) -> list[Claim]:
 
 
 def echoes(rounds: int, scenario_file: Path) -> list[Claim]:
-    """Tell what noise and dropout by echo power, mixed pixels and blooming cost in a scenario."""
+    """Tell what the effects on echoes cost in a scenario, all together.
+
+    These are noise and dropout by echo power, mixed pixels, blooming, sunlight, and crosstalk of
+    one more LiDAR.
+    """
     stay_on_one_core()
     scenario = load(scenario_file)
     vehicle = scenario.vehicles[0]
-    effects = {"mixed_pixels": True, "blooming": {"share": 0.001, "width_mrad": 8.0}}
+    lidars = replace(vehicle, sensors=(lidar("vlp16"), lidar("vlp16", name="other")))
+    world = replace(scenario.world, light=Sun(azimuth_deg=0.0, elevation_deg=5.0))
+    scenario = replace(scenario, world=world, vehicles=(lidars, *scenario.vehicles[1:]))
+    effects = {
+        "mixed_pixels": True,
+        "blooming": {"share": 0.001, "width_mrad": 8.0},
+        "sun": {"reach_share": 0.7, "false_share": 1e-4, "glare_deg": 2.0},
+        "crosstalk_share": 1e-3,
+    }
     plain, fitted = (
-        Runs(LidarModel(scenario, vehicle, spec), driving.states(scenario))
+        Runs(LidarModel(scenario, lidars, spec), driving.states(scenario))
         for spec in (lidar("vlp16"), lidar("vlp16_fitted", **effects))
     )
     calls: Calls = {"vlp16": plain.revolution, "vlp16_fitted, all effects": fitted.revolution}

@@ -65,6 +65,21 @@ class Blooming(Spec, frozen=True, kw_only=True):
     """Angle beyond the footprint over which this share falls by a factor of e."""
 
 
+class Sunlight(Spec, frozen=True, kw_only=True):
+    """Effect of sunlight on a receiver."""
+
+    reach_share: Annotated[float, Meta(gt=0, lt=1)]
+    """Largest range on surfaces of `full_range_reflectivity` in full sunlight, as a share of that
+    in the dark."""
+
+    false_share: Annotated[float, Meta(gt=0, lt=1)]
+    """Share of shots in which noise of the receiver alone gives a return, at any range."""
+
+    glare_deg: NonNegative = 0.0
+    """Angle from the sun at which scattered light in the optics is as bright as a white surface in
+    full sunlight. It falls with the square of the angle. 0: none."""
+
+
 class TurningMirror(Spec, frozen=True):
     """A fast turning mirror whose tilt changes slowly: it scans without repeating itself."""
 
@@ -201,6 +216,14 @@ class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
     blooming: Blooming | None = None
     """Stray light of retroreflectors in beams that pass them. Default: none."""
 
+    sun: Sunlight | None = None
+    """Sunlight, which acts in worlds that the sun lights: a higher threshold, noisier ranges and
+    false returns. Needs `full_range_reflectivity`. Default: none."""
+
+    crosstalk_share: Fraction01 = 0.0
+    """Share of shots into which a pulse of another LiDAR falls, for each other LiDAR of the
+    scenario. It gives a return at any range."""
+
     def __post_init__(self) -> None:
         for problem in self._problems():
             raise ValueError(problem)
@@ -236,6 +259,8 @@ class RotatingLidar(SensorSpec, frozen=True, kw_only=True):
             )
         if self.blooming and self.rays_per_beam > 1:
             yield f"`blooming` needs `rays_per_beam: 1`; got {self.rays_per_beam}"
+        if self.sun and not self.full_range_reflectivity:
+            yield "`sun` needs a threshold of detection; expected `full_range_reflectivity` above 0"
         if self.firings_per_revolution % self.firings_per_azimuth:
             yield (
                 f"`firings_per_revolution` is {self.firings_per_revolution}; expected a multiple "

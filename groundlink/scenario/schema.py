@@ -160,6 +160,13 @@ class World(Spec, frozen=True, kw_only=True):
     entities: dict[str, EntityDescription] = field(default_factory=dict)
     """Descriptions of actors, solids, furniture and vehicles for tools, by name."""
 
+    @property
+    def sun(self) -> Sun | None:
+        """The sun, which lights worlds without a room by default; None if lamps do."""
+        if self.light is None:
+            return Sun() if self.room is None else None
+        return self.light if isinstance(self.light, Sun) else None
+
 
 class GroundTruth(Spec, frozen=True):
     """Ground truth of a vehicle, published by physics for evaluation. A stack must not use it."""

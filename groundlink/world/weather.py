@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Weather and light of a world: fog, rain, dust, heat; sun or lamps. Only cameras see light."""
+"""Weather and light of a world: fog, rain, dust, heat; sun or lamps.
 
+Cameras see light; LiDARs are disturbed by the sun if their data sheets say so.
+"""
+
+import math
 from typing import Annotated
 
 from msgspec import Meta
@@ -52,6 +56,13 @@ class Sun(Spec, frozen=True, tag_field="kind", tag="sun"):
 
     elevation_deg: Annotated[float, Meta(ge=5, le=90)] = 40.0
     """Angle of the sun above the horizon."""
+
+    @property
+    def towards(self) -> Vector3:
+        """Unit vector towards the sun: x east, y north, z up."""
+        azimuth, elevation = math.radians(self.azimuth_deg), math.radians(self.elevation_deg)
+        level = math.cos(elevation)
+        return level * math.sin(azimuth), level * math.cos(azimuth), math.sin(elevation)
 
 
 class Lamps(Spec, frozen=True, tag_field="kind", tag="lamps"):

@@ -28,6 +28,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "imu_filter": inertial.imu_filter,
     "lidar_light": ranging.lidar_light,
     "lidar_range": ranging.lidar_range,
+    "lidar_sun": ranging.lidar_sun,
     "lidar_weather": ranging.lidar_weather,
     "range_finder": ranging.range_finder,
     "vehicle_motor": vehicles.motor,

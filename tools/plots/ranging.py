@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from groundlink.core.frames import Floats, quaternion_from_rpy
 from groundlink.world.solids import Box, Solid
-from groundlink.world.weather import Weather
+from groundlink.world.weather import Sun, Weather
 from services.sensors.lidar.spec import Lidar
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.range.model import RangeModel
@@ -20,6 +20,7 @@ from services.sensors.range.spec import RangeFinder
 from services.sensors.rays.scene import Hits
 from services.sensors.scanning.beams import Rays
 from services.sensors.scanning.draws import RevolutionDraws
+from services.sensors.scanning.foreign_light import ForeignLight, threshold
 from services.sensors.scanning.returns import LidarReceiver, Returns
 from services.sensors.scanning.stray_light import StrayLight
 from services.sensors.scanning.sweep import Sweep
@@ -34,7 +35,7 @@ FIRINGS = 36_000
 _TURNING = (
     *("rotation_rate_hz", "kind", "datasheet", "name", "topic", "frame", "field_of_view_deg"),
     *("start_deg", "azimuth_resolution_deg", "firings_per_azimuth", "elevations_deg"),
-    *("vertical_offsets_m", "laser_times_us", "rotation", "divergence_mrad"),
+    *("vertical_offsets_m", "laser_times_us", "rotation", "divergence_mrad", "prisms"),
 )
 """Fields of a sheet that are left out: the bench has one laser that shoots at what it is given."""
 
@@ -53,6 +54,7 @@ def _received(
     reflectivity: float = 0.8,
     incidence_rad: ArrayLike = 0.0,
     weather: Weather | None = None,
+    sun: Sun | None = None,
 ) -> Returns:
     """Return what a receiver reports of surfaces at some ranges, with arrays of shape (FIRINGS,).
 
@@ -77,6 +79,7 @@ def _received(
         np.array([reflectivity], np.float32),
         atmosphere_of(spec, weather or Weather()),
         StrayLight(spec, sweep.rings),
+        ForeignLight(spec, sun, 1),
         streams,
         RevolutionDraws(streams),
     )
@@ -188,6 +191,52 @@ def lidar_weather() -> Figure:
         middles = (edges[1:] + edges[:-1]) / 2
         right.plot(middles, 100 * np.diff(first) / np.diff(edges), "--", color=GRAY, linewidth=0.9)
     label(right, "Returns of drops", "range of the drop, m", "percent of shots per meter")
+    right.legend()
+    return figure
+
+
+def lidar_sun() -> Figure:
+    """Reach of the Avia in the dark and in sunlight, and the noise that sunlight adds."""
+    figure, (left, right) = side_by_side(2)
+    manual = {
+        "dark": ((0.1, 190), (0.2, 260), (0.8, 450)),
+        "sunlight": ((0.1, 190), (0.2, 230), (0.8, 320)),
+    }
+    spec = _receiver("avia", laser_stddevs_m=[], range_resolution_m=0.0)
+    assert spec.sun is not None
+    behind = Sun(azimuth_deg=270.0, elevation_deg=5.0)
+    lit = math.cos(math.radians(5))
+    noise = (spec.sun.reach_share**-4 - 1) / spec.full_range_reflectivity
+    smooth = np.geomspace(0.05, 0.8, 100)
+    shots = np.linspace(20, spec.max_range_m, FIRINGS)
+    for (name, points), sun, color in zip(manual.items(), (None, behind), SERIES, strict=False):
+        background = noise * lit * smooth if sun else 0 * smooth
+        reach = spec.max_range_m * np.sqrt(smooth / 0.8 / np.sqrt(1 + background))
+        left.plot(smooth, reach, color=color)
+        found = []
+        for reflectivity in (0.05, 0.1, 0.2, 0.4, 0.8):
+            seen = _received(spec, shots, reflectivity=reflectivity, sun=sun)
+            found.append((reflectivity, shots[seen.returned & (seen.label >= 0)].max()))
+        left.plot(*np.array(found).T, "o", color=color, label=name)
+        left.plot(*np.array(points).T, "x", color=color, label=f"{name}, manual")
+    label(left, "Reach of avia", "reflectivity", "farthest return, m")
+    left.legend()
+
+    at_threshold = spec.cell_m / math.sqrt(2) / threshold(spec, spec.sun.false_share)
+    for reflectivity, color in zip((0.8, 0.1), SERIES, strict=False):
+        places = np.geomspace(5, 280 if reflectivity > 0.5 else 130, 12)
+        seen_at = [
+            _received(spec, place, reflectivity=reflectivity, sun=behind) for place in places
+        ]
+        errors = [
+            (one.range_m - one.true_range_m)[one.returned & (one.label >= 0)] for one in seen_at
+        ]
+        added = at_threshold * math.sqrt(noise * lit * reflectivity)
+        added = added * spec.least_power / (100 * reflectivity / places**2)
+        right.loglog(places, 1e3 * np.hypot(spec.range_stddev_m, added), color=color)
+        found_mm = [1e3 * one.std() for one in errors]
+        right.loglog(places, found_mm, "o", color=color, label=f"reflectivity {reflectivity:g}")
+    label(right, "Range noise of avia in sunlight", "range, m", "1 sigma, mm")
     right.legend()
     return figure
 

@@ -6,11 +6,14 @@ not change another ray's noise, and blocks have the same numbers as the whole re
 """
 
 from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from services.sensors.noise.random_streams import RandomStreams
-from services.sensors.rays.scene import Reals
+
+Drawn = TypeVar("Drawn", bound=NDArray[Any])
 
 
 class RevolutionDraws:
@@ -18,11 +21,12 @@ class RevolutionDraws:
 
     def __init__(self, streams: RandomStreams) -> None:
         self._streams = streams
-        self._drawn: dict[str, tuple[int, Reals]] = {}
+        self._drawn: dict[str, tuple[int, Any]] = {}
 
-    def of(self, purpose: str, tick: int, draw: Callable[[np.random.Generator], Reals]) -> Reals:
+    def of(self, purpose: str, tick: int, draw: Callable[[np.random.Generator], Drawn]) -> Drawn:
         """Return the numbers that `draw` gives for a purpose and the revolution at `tick`."""
         known = self._drawn.get(purpose)
         if known is None or known[0] != tick:
             known = self._drawn[purpose] = tick, draw(self._streams.at(purpose, tick))
-        return known[1]
+        drawn: Drawn = known[1]
+        return drawn

@@ -8,6 +8,12 @@
 
 enum { WHITE_AT_M = 10, MOST_RAYS = 64 };
 
+/* Noise of sunlight that is left out, as a variance in units of the other noise. */
+#define FAINT 0.01f
+
+/* Rounding does not take noise below the threshold. */
+#define ABOVE 1.00001f
+
 /* The one echo of a beam of one ray; return whether there is one. */
 static inline size_t axis_echo(const struct receiver *receiver, const struct hits *hits, size_t ray,
                                struct echo *echo)
@@ -83,11 +89,53 @@ static inline const struct band *band_at(const struct echo_bands *bands, float i
     return bands->cells + (size_t)(int32_t)row * BAND_CELLS + (int32_t)column;
 }
 
+/* Find for each ray how much sunlight falls on the side of the surface that it sees, and how much the
+ * optics scatter, both in units of a white surface in full sunlight; without a hit the first has no
+ * meaning. A pass of its own, which compilers turn into one over four rays at a time. */
+static void find_sunlight(const struct sunlight *sun, const struct hits *hits)
+{
+    const size_t rays = hits->rays;
+    const float x = sun->towards[0], y = sun->towards[1], z = sun->towards[2];
+    const float *nx = hits->normals, *ny = nx + rays, *nz = ny + rays;
+    const float *dx = hits->directions, *dy = dx + rays, *dz = dy + rays;
+    float *restrict lit = sun->lit, *restrict scattered = sun->scattered;
+    for (size_t ray = 0; ray < rays; ray++) {
+        const float seen = nx[ray] * dx[ray] + ny[ray] * dy[ray] + nz[ray] * dz[ray];
+        const float sunny = nx[ray] * x + ny[ray] * y + nz[ray] * z;
+        const float towards = seen < 0 ? sunny : -sunny;
+        lit[ray] = towards > 0 ? towards : 0;
+        const float chord = 2 - 2 * (dx[ray] * x + dy[ray] * y + dz[ray] * z);
+        scattered[ray] = sun->glare / (chord > sun->least_chord ? chord : sun->least_chord);
+    }
+}
+
+/* Variance of the noise that sunlight adds to a beam, which begins with `first`; in the dark it is 1. */
+static inline float sunlit_noise(const struct receiver *receiver, const struct hits *hits, size_t first)
+{
+    const struct sunlight *sun = receiver->sun;
+    float light = 0;
+    for (size_t ray = first; ray < first + receiver->rays; ray++) {
+        light += sun->scattered[ray];
+        if (hits->labels[ray] >= 0) {
+            const float reflectance = receiver->reflectance[hits->labels[ray]];
+            light += (reflectance < 1 ? reflectance : 1) * sun->lit[ray];
+        }
+    }
+    return sun->noise * light / (float)receiver->rays;
+}
+
+/* Whether an echo is above the threshold, which follows the noise. */
+static inline int is_seen(const struct receiver *receiver, float power, float sunlit)
+{
+    const float least = receiver->least_power;
+    return sunlit > 0 ? power * power >= least * least * (1 + sunlit) : !(power < least);
+}
+
 /* Report an echo: noise, the laser's own error, rounding, limits, loss. Or none, which is infinite,
  * to the negative where something was too `near`. */
 static inline void report(const struct receiver *receiver, const struct echo *echo, int near,
-                          size_t laser, const float *white, const float *lost, size_t draw,
-                          const struct returns *returns, size_t to)
+                          float sunlit, size_t laser, const float *white, const float *lost,
+                          size_t draw, const struct returns *returns, size_t to)
 {
     if (!echo) {
         returns->range[to] = near ? -INFINITY : INFINITY;
@@ -114,6 +162,13 @@ static inline void report(const struct receiver *receiver, const struct echo *ec
         }
         if (banded > 0)
             stddev = stddev > 0 ? sqrtf(stddev * stddev + banded * banded) : banded;
+        if (sunlit > 0) {
+            const float spread = receiver->sun->spread * receiver->least_power;
+            const float square = stddev * stddev * echo->power * echo->power;
+            const float added = sunlit * spread * spread;
+            if (added > FAINT * square)
+                stddev = sqrtf(square + added) / echo->power;
+        }
         measured += stddev * white[draw];
     }
     measured += receiver->bias[laser];
@@ -131,11 +186,11 @@ static inline void report(const struct receiver *receiver, const struct echo *ec
 
 /* Choose those echoes that are reported, first and second; NULL where there is none. */
 static void choose(const struct receiver *receiver, const struct echo *echoes, size_t count,
-                   const struct echo *chosen[2])
+                   float sunlit, const struct echo *chosen[2])
 {
     const struct echo *last = NULL, *strongest = NULL, *second = NULL;
     for (const struct echo *echo = echoes; echo < echoes + count; echo++) {
-        if (echo->power < receiver->least_power)
+        if (!is_seen(receiver, echo->power, sunlit))
             continue;
         if (!last || echo->range > last->range)
             last = echo;
@@ -150,20 +205,39 @@ static void choose(const struct receiver *receiver, const struct echo *echoes, s
     chosen[1] = strongest == last ? second : strongest;
 }
 
+/* Append a false return to the echoes of a beam; return how many there are then. */
+static size_t add_false(const struct receiver *receiver, const struct false_return *foreign,
+                        float sunlit, struct echo *echoes, size_t count)
+{
+    const float range = foreign->range, gain = foreign->gain;
+    float power = gain > 0 ? 0 : receiver->least_power * sqrtf(1 + sunlit) * ABOVE;
+    for (size_t i = 0; gain > 0 && i < count; i++)
+        if (echoes[i].label >= 0)
+            power = fmaxf(power, gain * echoes[i].power);
+    if (!(power > 0))
+        return count;
+    echoes[count] = (struct echo){range, power * range * range, power, -1, -1, 0};
+    return count + 1;
+}
+
 /* Measure firings `first` to `end`. Of hits and returns there are only these firings; random numbers
  * are of the whole revolution, or NULL where none are needed. `stray` has room for an echo of each
- * beam where there is blooming. */
+ * beam where there is blooming. `foreign` has the false returns of the revolution in the order of beams; the
+ * last one is of a beam after all. */
 void groundlink_returns(const struct receiver *receiver, const struct hits *hits,
                         const struct returns *returns, size_t first, size_t end,
                         const float *white, const float *lost, const float *air,
-                        const float *gaps, struct echo *stray)
+                        const float *gaps, const struct false_return *foreign,
+                        struct echo *stray)
 {
     const size_t beams = receiver->lasers * receiver->firings, cast = receiver->lasers * (end - first);
     const size_t clouds = receiver->weather ? receiver->weather->clouds : 0;
-    struct echo echoes[MOST_RAYS + 3 + clouds];
+    struct echo echoes[MOST_RAYS + 4 + clouds];
     const struct echo *chosen[2];
     const int dual = receiver->mode == DUAL, plain = receiver->rays == 1 && !receiver->weather && !dual;
     const int blooms = receiver->blooming && groundlink_bloom(receiver, hits, end - first, stray);
+    if (receiver->sun)
+        find_sunlight(receiver->sun, hits);
 
     for (size_t laser = 0; laser < receiver->lasers; laser++)
         for (size_t firing = first; firing < end; firing++) {
@@ -173,13 +247,19 @@ void groundlink_returns(const struct receiver *receiver, const struct hits *hits
                              ((firing > first && leaps(hits->range[to], hits->range[to - 1])) ||
                               (firing + 1 < end && leaps(hits->range[to], hits->range[to + 1])));
             const int bloomed = blooms && stray[to].power > 0;
-            if (plain && !edge && !bloomed) {
+            while ((size_t)foreign->beam < beam)
+                foreign++;
+            const int is_false = (size_t)foreign->beam == beam;
+            if (plain && !edge && !bloomed && !is_false) {
                 const size_t count = axis_echo(receiver, hits, to, echoes);
-                const int seen = count && !(echoes->power < receiver->least_power);
-                report(receiver, seen ? echoes : NULL, 0, laser, white, lost, beam, returns, to);
+                const float sunlit = count && receiver->sun ? sunlit_noise(receiver, hits, to) : 0;
+                const int seen = count && is_seen(receiver, echoes->power, sunlit);
+                report(receiver, seen ? echoes : NULL, 0, sunlit, laser, white, lost, beam, returns,
+                       to);
                 continue;
             }
             const size_t ray = to * receiver->rays;
+            const float sunlit = receiver->sun ? sunlit_noise(receiver, hits, ray) : 0;
             int near = 0;
             size_t count = edge ? groundlink_edge_echoes(receiver, hits, to, firing - first,
                                                          end - first, gaps + beam, echoes)
@@ -189,10 +269,12 @@ void groundlink_returns(const struct receiver *receiver, const struct hits *hits
             if (receiver->weather)
                 count = groundlink_through_weather(receiver, hits, ray, air + beam, beams, echoes,
                                                    count);
-            choose(receiver, echoes, count, chosen);
-            report(receiver, chosen[0], near, laser, white, lost, beam, returns, to);
+            if (is_false)
+                count = add_false(receiver, foreign, sunlit, echoes, count);
+            choose(receiver, echoes, count, sunlit, chosen);
+            report(receiver, chosen[0], near, sunlit, laser, white, lost, beam, returns, to);
             if (dual)
-                report(receiver, chosen[1], near, laser, white, lost, beams + beam, returns,
+                report(receiver, chosen[1], near, sunlit, laser, white, lost, beams + beam, returns,
                        cast + to);
         }
 }

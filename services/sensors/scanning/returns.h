@@ -54,6 +54,24 @@ struct blooming {
     const int32_t *other, *shift; /* lasers that may be as near, and their firing beside one's own */
 };
 
+/* Light of the sun; a structure of the same name in `foreign_light.py` fills it. */
+struct sunlight {
+    float towards[3];
+    float noise;       /* variance of the noise of a white surface in full sunlight, in the dark 1 */
+    float glare;       /* light scattered by the optics over one over the chord to the sun squared, */
+    float least_chord; /* which counts as no less than this, squared */
+    float spread;      /* meters of noise of an echo at the threshold */
+    float *lit, *scattered; /* room for a number of each ray */
+};
+
+/* A return of a beam that is none of its own light: a pulse of another LiDAR, whose power is `gain` times
+ * that of the strongest echo of a surface, or 0 for noise at the threshold. `FALSE_RETURN` in
+ * `foreign_light.py`. */
+struct false_return {
+    int32_t beam; /* number in the revolution */
+    float range, gain;
+};
+
 struct receiver {
     size_t lasers, firings, rays;
     int32_t mode, received;
@@ -67,6 +85,7 @@ struct receiver {
     const struct echo_bands *bands; /* or NULL */
     float reach; /* of a footprint beyond its axis, in firings; 0: beams have no edges */
     const struct blooming *blooming; /* or NULL */
+    const struct sunlight *sun; /* or NULL */
 };
 
 struct hits {

@@ -6,9 +6,9 @@ above a threshold. Rays of a beam that end within half a pulse's length of the n
 return, at the mean of their ranges weighted by power. Errors act on detections in this order: white
 noise, the laser's bias, rounding, limits, dropout. Surfaces are hit from either side. Noise and
 dropout may depend on intensity and range (`echo_bands.py`), and a beam may get light of surfaces
-beside its axis (`stray_light.py`).
+beside its axis (`stray_light.py`), of the sun and of other LiDARs (`foreign_light.py`).
 
-Not modeled: the pulse's shape, cross-talk, sunlight, mirrors, glass.
+Not modeled: the pulse's shape, mirrors, glass.
 """
 
 import ctypes
@@ -27,6 +27,7 @@ from services.sensors.rays.scene import Hits, Numbers, Reals
 from .beams import Rays
 from .draws import RevolutionDraws
 from .echo_bands import BandTable
+from .foreign_light import END, FalseReturns, ForeignLight
 from .stray_light import ECHO_BYTES, StrayLight
 from .sweep import Sweep
 from .weather import Atmosphere
@@ -78,7 +79,7 @@ class _Receiver(ctypes.Structure):
         *((name, c_float) for name in ("min_range", "max_range", "dropout", "cell", "least_power")),
         *((name, c_void_p) for name in ("stddev", "bias", "reflectance")),
         *(("retroreflection", c_float), ("weather", c_void_p)),
-        *(("bands", c_void_p), ("reach", c_float), ("blooming", c_void_p)),
+        *(("bands", c_void_p), ("reach", c_float), ("blooming", c_void_p), ("sun", c_void_p)),
     )
 
 
@@ -114,6 +115,7 @@ class LidarReceiver:
     air : Air or None
         None for clear air.
     stray : StrayLight
+    foreign : ForeignLight
     streams : RandomStreams
     draws : Draws
 
@@ -130,10 +132,12 @@ class LidarReceiver:
         reflectance: Reals,
         air: Atmosphere | None,
         stray: StrayLight,
+        foreign: ForeignLight,
         streams: RandomStreams,
         draws: RevolutionDraws,
     ) -> None:
         self._spec, self._draws, self._air, self._stray = spec, draws, air, stray
+        self._foreign, sunlight = foreign, foreign.sunlight
         bands = spec.echo_bands
         self._bands = None if bands is None else BandTable(bands)
         lasers, firings = len(sweep.rings), sweep.seconds.shape[1]
@@ -143,6 +147,7 @@ class LidarReceiver:
         self._stddevs: Reals = np.hypot(spec.range_stddev_m, of_laser).astype(np.float32)
         banded = bands is not None and bool(bands.stddev_m)
         self._noisy = bool(self._stddevs.any()) or spec.range_stddev_share > 0 or banded
+        self._noisy = self._noisy or sunlight is not None
         self._loses = spec.dropout > 0 or (bands is not None and bool(bands.dropout))
         self._shape = spec.returns_per_ray, lasers, firings
         self._reflectance = reflectance
@@ -160,6 +165,7 @@ class LidarReceiver:
             None if self._bands is None else ctypes.addressof(self._bands.structure),
             stray.reach,
             None if blooming is None else ctypes.addressof(blooming),
+            None if sunlight is None else ctypes.addressof(sunlight),
         )
 
     def measure(self, hits: Hits, rays: Rays, firings: range, tick: int) -> Returns:
@@ -193,9 +199,13 @@ class LidarReceiver:
         )
         return made
 
-    def _drawn(self, tick: int) -> tuple[Reals | None, ...]:
-        """Return a revolution's random numbers for noise, dropout, air and edges, where needed."""
+    def _drawn(self, tick: int) -> tuple[Reals | FalseReturns | None, ...]:
+        """Return a revolution's random numbers, where needed.
+
+        These are of noise, dropout, air, edges and foreign light.
+        """
         white = lost = air = gaps = None
+        foreign: FalseReturns = END
         if self._noisy:
             white = self._draws.of(
                 "range", tick, lambda source: source.standard_normal(self._shape, np.float32)
@@ -212,4 +222,6 @@ class LidarReceiver:
             gaps = self._draws.of(
                 "edges", tick, lambda source: source.random(self._shape[1:], np.float32)
             )
-        return white, lost, air, gaps
+        if self._foreign.share:
+            foreign = self._draws.of("foreign light", tick, self._foreign.false_returns)
+        return white, lost, air, gaps, foreign

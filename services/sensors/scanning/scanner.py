@@ -27,6 +27,7 @@ from services.sensors.runtime.model import LeftOut
 
 from .beams import Beams
 from .draws import RevolutionDraws
+from .foreign_light import foreign_light
 from .returns import LidarReceiver, Returns
 from .stray_light import StrayLight
 from .sweep import Sweep
@@ -176,7 +177,8 @@ class Scanner:
         self._beams = Beams(spec, self.sweep, draws)
         air = atmosphere_of(spec, scenario.world.weather)
         self.receiver = LidarReceiver(
-            spec, self.sweep, self.replica.reflectivity, air, stray, streams, draws
+            *(spec, self.sweep, self.replica.reflectivity, air, stray),
+            *(foreign_light(scenario, spec), streams, draws),
         )
         self._waiting = 0
         self.restart()

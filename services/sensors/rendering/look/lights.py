@@ -75,7 +75,7 @@ def lighting(world: World, static: Sequence[Solid]) -> Lighting:
     """Return the light of a world with all static solids."""
     corners = np.array([np.zeros(3), *(corner for solid in static for corner in bounds(solid))])
     low, high = corners.min(axis=0), corners.max(axis=0)
-    light = world.light or _default(world)
+    light = world.sun or world.light or _ceiling_lamp(world)
     # Koschmieder 1924 with the 5 % contrast of the meteorological optical range.
     fog_m = world.weather.fog_visibility_m or (world.terrain and CLEAR_M)
     extinction = math.log(20) / fog_m if fog_m else 0.0
@@ -102,17 +102,14 @@ def lighting(world: World, static: Sequence[Solid]) -> Lighting:
     )
 
 
-def _default(world: World) -> Sun | Lamps:
-    if world.room is None:
-        return Sun()
+def _ceiling_lamp(world: World) -> Lamps:
+    assert world.room is not None
     return Lamps(at_m=((0.0, 0.0, world.room.size_m[2] - BELOW_CEILING_M),))
 
 
 def _sun(sun: Sun, low: Floats, high: Floats) -> Light:
     """Return the sun, with parallel shadows over the whole world."""
-    azimuth, elevation = math.radians(sun.azimuth_deg), math.radians(sun.elevation_deg)
-    level = math.cos(elevation)
-    towards = np.array([level * math.sin(azimuth), level * math.cos(azimuth), math.sin(elevation)])
+    towards = np.array(sun.towards)
     light_from_world = _looking(-towards)
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     turned = (low + corners * (high - low)) @ light_from_world.T

@@ -103,7 +103,7 @@ def test_the_pattern_does_not_repeat_itself(sweep: PrismSweep) -> None:
 
 def test_points_of_blocks_and_messages_are_on_the_walls() -> None:
     exact = {"azimuth_stddev_deg": 0.0, "elevation_stddev_deg": 0.0, "range_stddev_m": 0.0}
-    fields = sheet("avia", **exact, range_resolution_m=0.0)
+    fields = sheet("avia", **exact, range_resolution_m=0.0, sun=None)
     way = rooms.driving(speed_mps=2.0, turn_radps=1.0)
     whole = rooms.clouds(rooms.scenario(**fields), way, 81)
     blocks = rooms.clouds(rooms.scenario(**fields, block_deg=45.0), way, 81)
