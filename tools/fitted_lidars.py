@@ -252,6 +252,8 @@ of the nearest range. The recordings are not part of Groundlink.
 
     groundlink fit my_device.mcap --topic /points --sheet vlp16 --out my_vlp16.yaml
 
+[IMUs and satellite receivers](fitted-imus.md) are fitted to recordings at rest.
+
 ![Noise of seven devices by intensity](../pictures/lidar_fitted.svg)
 
 Dots are the recordings, lines the model, by range. Shares of lost returns are given where the

@@ -150,8 +150,8 @@ def fitted_fields(name: str, triad: TriadFit) -> dict[str, float]:
         for of, (field, factor) in FIELDS.items()
         if of in curve.fitted
     }
-    if triad.step:
-        fields["resolution"] = short(triad.step)
+    # Where no step shows, the noise of rounding is in the white noise.
+    fields["resolution"] = short(triad.step)
     if name == "gyroscope":
         fields["turn_on_bias"] = short(float(np.sqrt(np.mean(triad.mean**2))))
     return fields

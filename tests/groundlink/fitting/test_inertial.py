@@ -21,7 +21,7 @@ from groundlink.ros.types import STORE, header
 from services.sensors.imu.spec import InertialUnit
 from tests.services.sensors.imu.test_datasheets import SHEETS
 from tests.services.sensors.sheets import from_sheet
-from tools.fitted_at_rest import imu_at_rest
+from tools.at_rest import imu_at_rest
 
 MADE = [sheet.stem for sheet in SHEETS if sheet.stem != "imu_ideal" and "_fitted" not in sheet.stem]
 

@@ -14,7 +14,7 @@ from groundlink.fitting.receiver import fit, fitted_sheet
 from groundlink.loader.datasheets import load_datasheet
 from services.sensors.gnss.spec import Gnss
 from tests.services.sensors.sheets import from_sheet
-from tools.fitted_at_rest import receiver_at_rest
+from tools.at_rest import receiver_at_rest
 
 from .test_positions import fixes
 
