@@ -51,7 +51,6 @@ class ExpectationMonitor:
             figures = {
                 stream.topic: TopicFigures(stream.measured_hz, stream.age_p99_seconds)
                 for stream in monitor.streams
-                if stream.reported
             }
             for judge in self._judges:
                 judge.reported(monitor.sim_seconds, figures)

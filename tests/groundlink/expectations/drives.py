@@ -48,7 +48,7 @@ def driven(seconds: int, *, touched: Sequence[str] = (), epoch: int = EPOCH) -> 
             sent += [
                 vitals(tick, touched if tick == 400 * seconds else (), epoch),
                 command(tick, epoch),
-                pose(tick, x_m + 0.05, epoch),
+                pose(tick + 4, x_m + 0.01 + 0.05, epoch),  # Between two true poses.
             ]
         sent.append(odometry(tick, x_m, epoch))
     return sent

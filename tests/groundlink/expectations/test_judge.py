@@ -72,11 +72,26 @@ def test_streams_may_be_delayed_against_each_other(expecting: Expecting) -> None
     assert results(ExpectationJudge(scenario, "lab"), late) == expected
 
 
+def test_messages_before_the_first_vitals_count(expecting: Expecting) -> None:
+    scenario, sent = expecting(CORNER, TOUCH), driven(8, touched=["hall"])
+    expected = results(ExpectationJudge(scenario, "lab"), sent)
+    late = sorted(sent, key=lambda one: one[0] == "rover/vitals")
+    assert results(ExpectationJudge(scenario, "lab"), late) == expected
+
+
 def test_an_episode_is_judged_anew(expecting: Expecting) -> None:
     judge = ExpectationJudge(expecting(CORNER, TOUCH), "lab")
     second = EPOCH + 100 * NANOS
     found = results(judge, [*driven(7, touched=["hall"]), *driven(3, epoch=second)])
     assert [one.verdict for one in found] == [UNDECIDED, PASSED]
+
+
+def test_an_episode_may_be_joined_later(expecting: Expecting) -> None:
+    judge = ExpectationJudge(expecting(CORNER, TOUCH), "lab")
+    second = EPOCH + 100 * NANOS
+    joined = [one for one in driven(7, epoch=second) if one[1].stamp_nanos >= second + 2 * NANOS]  # type: ignore[attr-defined]
+    found = results(judge, [*driven(1, touched=["hall"]), *joined])
+    assert [one.verdict for one in found] == [PASSED, PASSED]
 
 
 @pytest.mark.parametrize(

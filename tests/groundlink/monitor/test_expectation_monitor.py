@@ -3,6 +3,8 @@
 
 from typing import Any
 
+import pytest
+
 from groundlink.expectations.results import FAILED, PASSED, UNDECIDED
 from groundlink.messages.base import Health, StreamReport, encode
 from groundlink.monitor.expectation_monitor import ExpectationMonitor
@@ -49,9 +51,11 @@ def test_a_run_is_judged_while_it_runs(expecting: Expecting) -> None:
     assert [one.value for one in expectations.results()][2:] == [50.0, 20.0]
 
 
-def test_a_silent_ros_side_is_a_problem(expecting: Expecting) -> None:
+@pytest.mark.parametrize("has_gateway", [True, False])
+def test_a_silent_ros_side_is_a_problem(expecting: Expecting, has_gateway: bool) -> None:
     expectations, monitor = ExpectationMonitor(expecting(*EXPECTED[2:]), "lab"), RunMonitor()
-    reports(monitor, 0.0, 0.0, reported=False)
+    if has_gateway:
+        reports(monitor, 0.0, 0.0, reported=False)
     expectations.update(monitor)
     expectations.finish()
     assert all(one.is_problem for one in expectations.results())
