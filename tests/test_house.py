@@ -210,7 +210,7 @@ def loaded_by(*modules: str) -> dict[str, str]:
     [
         (("services.router.__main__",), 25),
         (("services.sensors.imu.__main__", "services.sensors.imu.model"), 102),
-        (("services.gateway.__main__",), 161),
+        (("services.gateway.__main__",), 162),
     ],
     ids=["router", "imu", "gateway"],
 )
