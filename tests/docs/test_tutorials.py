@@ -140,7 +140,7 @@ AFTERWARDS: dict[str, Callable[[Path], None]] = {
 
 PAGES = sorted(page.stem for page in TUTORIALS.glob("*.md"))
 
-LONG = ("navigate", "your-own-world")
+LONG = ("bisect", "navigate", "search", "your-own-world")
 
 
 @pytest.mark.parametrize(
