@@ -108,14 +108,17 @@ class ForeignLight:
         """Draw those of a revolution: `FALSE_RETURN` records in the order of beams, with an end."""
         mean = self._beams * self.share
         most = math.ceil(mean + 10 * math.sqrt(mean) + 10)
-        beams = np.cumsum(source.geometric(self.share, most)) - 1
-        beams = beams[beams < self._beams]
-        kind, place, light = source.random((3, len(beams)))
+        gap, kind, place, light = source.random((4, most))
+        # Beams between two false returns have the geometric distribution.
+        skipped = np.log1p(-gap) // math.log1p(-self.share) if self.share < 1 else np.zeros(most)
+        beams = np.cumsum(skipped + 1) - 1
+        count = int(np.searchsorted(beams, self._beams))
         nearest_m, farthest_m = self._span_m
-        made = np.full(len(beams) + 1, END)
-        made["beam"][:-1] = beams
-        made["range"][:-1] = nearest_m + (farthest_m - nearest_m) * place
-        made["gain"][:-1] = np.where(kind * self.share < self._crosstalk, BRIGHTEST * light, 0)
+        made = np.zeros(count + 1, FALSE_RETURN)
+        made["beam"][:count], made["beam"][count] = beams[:count], END["beam"][0]
+        made["range"][:count] = (nearest_m + (farthest_m - nearest_m) * place)[:count]
+        brightness = np.where(kind * self.share < self._crosstalk, BRIGHTEST * light, 0)
+        made["gain"][:count] = brightness[:count]
         return made
 
 

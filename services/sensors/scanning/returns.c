@@ -84,28 +84,31 @@ static inline float intensity_of(const struct receiver *receiver, const struct e
 /* The cell of a table at an intensity and a range. */
 static inline const struct band *band_at(const struct echo_bands *bands, float intensity, float range)
 {
-    const float row = fminf(intensity * bands->rows_per_intensity + 0.5f, BAND_CELLS - 1);
-    const float column = fminf(range * bands->columns_per_m + 0.5f, BAND_CELLS - 1);
-    return bands->cells + (size_t)(int32_t)row * BAND_CELLS + (int32_t)column;
+    const float row = intensity * bands->rows_per_intensity + 0.5f;
+    const float column = range * bands->columns_per_m + 0.5f;
+    /* Not fminf, which is a call. */
+    return bands->cells + (int32_t)(row < BAND_CELLS - 1 ? row : BAND_CELLS - 1) * BAND_CELLS +
+           (int32_t)(column < BAND_CELLS - 1 ? column : BAND_CELLS - 1);
 }
 
 /* Find for each ray how much sunlight falls on the side of the surface that it sees, and how much the
  * optics scatter, both in units of a white surface in full sunlight; without a hit the first has no
  * meaning. A pass of its own, which compilers turn into one over four rays at a time. */
-static void find_sunlight(const struct sunlight *sun, const struct hits *hits)
+static void find_sunlight(const struct sunlight *sun, size_t rays, const float *restrict normals,
+                          const float *restrict directions, float *restrict lit,
+                          float *restrict scattered)
 {
-    const size_t rays = hits->rays;
     const float x = sun->towards[0], y = sun->towards[1], z = sun->towards[2];
-    const float *nx = hits->normals, *ny = nx + rays, *nz = ny + rays;
-    const float *dx = hits->directions, *dy = dx + rays, *dz = dy + rays;
-    float *restrict lit = sun->lit, *restrict scattered = sun->scattered;
+    const float glare = sun->glare, least_chord = sun->least_chord;
     for (size_t ray = 0; ray < rays; ray++) {
-        const float seen = nx[ray] * dx[ray] + ny[ray] * dy[ray] + nz[ray] * dz[ray];
-        const float sunny = nx[ray] * x + ny[ray] * y + nz[ray] * z;
-        const float towards = seen < 0 ? sunny : -sunny;
-        lit[ray] = towards > 0 ? towards : 0;
-        const float chord = 2 - 2 * (dx[ray] * x + dy[ray] * y + dz[ray] * z);
-        scattered[ray] = sun->glare / (chord > sun->least_chord ? chord : sun->least_chord);
+        const float nx = normals[ray], ny = normals[rays + ray], nz = normals[2 * rays + ray];
+        const float dx = directions[ray], dy = directions[rays + ray], dz = directions[2 * rays + ray];
+        const float seen = nx * dx + ny * dy + nz * dz, sunny = nx * x + ny * y + nz * z;
+        /* Positive where both are on the same side of the surface. */
+        const float towards = copysignf(1, -seen) * sunny;
+        lit[ray] = (fabsf(towards) + towards) / 2;
+        const float beyond = 2 - 2 * (dx * x + dy * y + dz * z) - least_chord;
+        scattered[ray] = glare / (least_chord + (fabsf(beyond) + beyond) / 2);
     }
 }
 
@@ -237,7 +240,8 @@ void groundlink_returns(const struct receiver *receiver, const struct hits *hits
     const int dual = receiver->mode == DUAL, plain = receiver->rays == 1 && !receiver->weather && !dual;
     const int blooms = receiver->blooming && groundlink_bloom(receiver, hits, end - first, stray);
     if (receiver->sun)
-        find_sunlight(receiver->sun, hits);
+        find_sunlight(receiver->sun, hits->rays, hits->normals, hits->directions,
+                      receiver->sun->lit, receiver->sun->scattered);
 
     for (size_t laser = 0; laser < receiver->lasers; laser++)
         for (size_t firing = first; firing < end; firing++) {
