@@ -231,8 +231,8 @@ def lidar_sun() -> Figure:
         errors = [
             (one.range_m - one.true_range_m)[one.returned & (one.label >= 0)] for one in seen_at
         ]
-        added = at_threshold * math.sqrt(noise * lit * reflectivity)
-        added = added * spec.least_power / (100 * reflectivity / places**2)
+        sunlit = at_threshold * math.sqrt(noise * lit * reflectivity)
+        added = sunlit * spec.least_power / (100 * reflectivity / places**2)
         right.loglog(places, 1e3 * np.hypot(spec.range_stddev_m, added), color=color)
         found_mm = [1e3 * one.std() for one in errors]
         right.loglog(places, found_mm, "o", color=color, label=f"reflectivity {reflectivity:g}")
