@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from groundlink.fitting import echo_statistics as statistics
-from groundlink.fitting.fitted_sheet import echo_bands, fit
+from groundlink.fitting.lidar_sheet import echo_bands, fit
 from groundlink.loader.datasheets import load_datasheet
 from services.sensors.lidar.spec import Lidar
 from tests.groundlink.fitting import rooms

@@ -16,10 +16,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from groundlink.fitting import inertial, receiver
+from groundlink.fitting import imu_sheet, receiver_sheet
 from groundlink.fitting.allan import CurveFit
-from groundlink.fitting.inertial import read_readings
-from groundlink.fitting.positions import read_positions
+from groundlink.fitting.imu_sheet import read_readings
+from groundlink.fitting.positions import Positions, read_positions
 from groundlink.fitting.series import AllanBands, Reals, Series, allan_bands
 from groundlink.loader.datasheets import load_datasheet
 from services.sensors.gnss.spec import Gnss
@@ -122,11 +122,11 @@ class Kind(NamedTuple):
 
 
 def _fit_imu(series: Series, _: str, base: Any) -> Mapping[str, CurveFit]:
-    return {name: triad.curve for name, triad in inertial.fit(series, base).items()}
+    return {name: triad.curve for name, triad in imu_sheet.fit(series, base).items()}
 
 
 def _fit_receiver(series: Series, solution: str, base: Any) -> Mapping[str, CurveFit]:
-    return receiver.fit(receiver.Positions(series, solution, 0), base).curves
+    return receiver_sheet.fit(Positions(series, solution, 0), base).curves
 
 
 def _read_positions(path: Path) -> tuple[Series, str]:
@@ -150,7 +150,7 @@ KINDS = {
         lambda figures, rate_hz: receiver_at_rest(
             msgspec.convert(_PLACE | dict(figures) | {"rate_hz": rate_hz}, Gnss), SECONDS
         ),
-        receiver.GROUPS,
+        receiver_sheet.GROUPS,
         {"horizontal": "east and north, m", "vertical": "altitude, m"},
     ),
 }

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from groundlink.fitting import echo_statistics as statistics
 from groundlink.fitting.echo_statistics import WINDOW, Bands, Shots, Windows
 from groundlink.fitting.firings import Firings
-from groundlink.fitting.fitted_sheet import EchoFit, echo_bands, fit
+from groundlink.fitting.lidar_sheet import EchoFit, echo_bands, fit
 from groundlink.fitting.recordings import read_firings
 from groundlink.loader.datasheets import load_datasheet
 from groundlink.scenario.rotating_lidar import EchoBands

@@ -9,11 +9,11 @@ import csv
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from groundlink.fitting.inertial import TRIADS
+from groundlink.fitting.imu_sheet import TRIADS
 from groundlink.fitting.series import Reals
 
 COLUMNS = ["t", *(f"{field}.{axis}" for field, _ in TRIADS.values() for axis in "xyz")]
@@ -22,7 +22,7 @@ STILL_S = 0.25
 """Length of the windows that are at rest or not."""
 
 
-def standstill(rates: Reals, rate_hz: float, least_s: float) -> Any:
+def standstill(rates: Reals, rate_hz: float, least_s: float) -> NDArray[np.bool_]:
     """Return where a device that is turned and put down again and again rests, shape (n,).
 
     Windows whose standard deviation is at most three times that of the quietest, without the first
@@ -79,8 +79,9 @@ def xsens_mti(folder: Path) -> Reals:
         slopes = np.hstack([-felt * scale / size, felt * (means - bias) / size])
         change = np.linalg.lstsq(slopes, gravity - size[:, 0])[0]
         bias, scale = bias + change[:3], scale + change[3:]
-    readings = [force[:, :1], (force[:, 1:] - bias) * scale, (rate[:, 1:] - 32768) / 6258]
-    return np.hstack(readings)[kept]
+    parts = [force[:, :1], (force[:, 1:] - bias) * scale, (rate[:, 1:] - 32768) / 6258]
+    readings: Reals = np.hstack(parts)[kept]
+    return readings
 
 
 def auav_x21(folder: Path) -> Reals:
@@ -91,7 +92,8 @@ def auav_x21(folder: Path) -> Reals:
     (data,) = (one.data for one in log.data_list)
     times = (data["timestamp"] - data["timestamp"][0]) * 1e-6
     names = [f"{part}[{i}]" for part in ("accelerometer_m_s2", "gyro_rad") for i in range(3)]
-    return np.column_stack([times, *(data[name] for name in names)])[times > 9]
+    readings: Reals = np.column_stack([times, *(data[name] for name in names)])[times > 9]
+    return readings
 
 
 RECORDINGS: dict[str, Callable[[Path], Reals]] = {

@@ -6,15 +6,15 @@ from pathlib import Path
 
 from groundlink.loader.datasheets import CheckedDatasheet
 
-from . import fitted_sheet, inertial, receiver
+from . import imu_sheet, lidar_sheet, receiver_sheet
 from .sheet_file import FittedSheet
 
 Fitter = Callable[[Path, str | None, CheckedDatasheet], FittedSheet]
 """Takes a recording, the name of its topic or None, and the base sheet."""
 
 FITTERS: Mapping[str, Fitter] = {
-    "gnss": receiver.fit_sheet,
-    "imu": inertial.fit_sheet,
-    "lidar": fitted_sheet.fit_sheet,
-    "lidar_2d": fitted_sheet.fit_sheet,
+    "gnss": receiver_sheet.fit_sheet,
+    "imu": imu_sheet.fit_sheet,
+    "lidar": lidar_sheet.fit_sheet,
+    "lidar_2d": lidar_sheet.fit_sheet,
 }

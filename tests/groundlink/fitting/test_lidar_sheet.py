@@ -10,7 +10,7 @@ import pytest
 from groundlink.__main__ import main
 from groundlink.core.errors import UserError
 from groundlink.fitting.firings import Firings
-from groundlink.fitting.fitted_sheet import echo_bands, fit, fitted_sheet
+from groundlink.fitting.lidar_sheet import echo_bands, fit, fitted_sheet
 from groundlink.fitting.recordings import read_firings
 from groundlink.fitting.sheet_file import sheet_text
 from groundlink.loader.datasheets import CheckedDatasheet, load_datasheet

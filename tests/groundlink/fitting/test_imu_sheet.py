@@ -12,8 +12,8 @@ from rosbags.rosbag1 import Writer as BagWriter
 
 from groundlink.__main__ import main
 from groundlink.core.errors import UserError
-from groundlink.fitting import inertial
-from groundlink.fitting.inertial import FIELDS, IMU, fit, fitted_fields, read_readings
+from groundlink.fitting import imu_sheet
+from groundlink.fitting.imu_sheet import FIELDS, IMU, fit, fitted_fields, read_readings
 from groundlink.fitting.series import Series
 from groundlink.loader.datasheets import CheckedDatasheet, load_datasheet
 from groundlink.recording.ros1 import NOETIC, to_ros1
@@ -30,7 +30,7 @@ def wrong(sheet: str) -> CheckedDatasheet:
     """Return a sheet with wrong levels."""
     base = load_datasheet(sheet)
     figures = dict(base.figures)
-    for triad in inertial.TRIADS:
+    for triad in imu_sheet.TRIADS:
         figures[triad] = figures[triad] | {
             "noise_density": 5 * figures[triad]["noise_density"],
             "bias_instability": 20 * figures[triad]["bias_instability"],
@@ -63,7 +63,7 @@ def test_half_an_hour_fits_back_to_the_sheet(sheet: str) -> None:
 
 def test_a_minute_keeps_the_bias_of_the_base(tmp_path: Path) -> None:
     spec = from_sheet(InertialUnit, "imu_mti1", rate_hz=100)
-    sheet = inertial.fitted_sheet(imu_at_rest(spec, 60), load_datasheet("imu_mti1"))
+    sheet = imu_sheet.fitted_sheet(imu_at_rest(spec, 60), load_datasheet("imu_mti1"))
     assert sheet.figures["accelerometer"]["noise_density"] == pytest.approx(1.18e-3, rel=0.03)
     assert sheet.figures["accelerometer"]["bias_instability"] == 2.94e-4
     assert sheet.figures["accelerometer"]["saturation"] == 156.9
@@ -121,7 +121,7 @@ def ros1_bag(path: Path, readings: Series) -> Path:
 
 
 def table(path: Path, readings: Series, time: str = "t") -> Path:
-    names = [f"{field}.{axis}" for field, _ in inertial.TRIADS.values() for axis in "xyz"]
+    names = [f"{field}.{axis}" for field, _ in imu_sheet.TRIADS.values() for axis in "xyz"]
     rows = [f"note,{time}," + ",".join(names)]
     for number, row in enumerate(readings.segments[0].tolist()):
         at = number * 10_000_000 if time == "stamp" else number * 0.01

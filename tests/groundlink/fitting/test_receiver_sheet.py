@@ -10,7 +10,7 @@ import pytest
 from groundlink.__main__ import main
 from groundlink.core.errors import UserError
 from groundlink.fitting.positions import Positions
-from groundlink.fitting.receiver import fit, fitted_sheet
+from groundlink.fitting.receiver_sheet import fit, fitted_sheet
 from groundlink.loader.datasheets import load_datasheet
 from services.sensors.gnss.spec import Gnss
 from tests.services.sensors.sheets import from_sheet
@@ -50,7 +50,8 @@ def test_a_few_minutes_keep_the_time_of_the_base() -> None:
         "Length: 300 s at rest, 1500 fixes at 5 Hz of type sbas, 1 segment(s); 7 of other types "
         "left out."
     )
-    assert sheet.comments[-1].endswith("does not show them: drift_time_s.")
+    # Its drift is that of the base, as far as five minutes show.
+    assert sheet.comments[-1].endswith("does not show them: drift_stddev_m, drift_time_s.")
 
 
 def test_of_several_types_of_solution_that_of_the_recording_is_fitted() -> None:
