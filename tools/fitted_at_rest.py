@@ -97,7 +97,7 @@ class Group(NamedTuple):
     model: AllanBands
 
 
-class Comparison(NamedTuple):
+class RestComparison(NamedTuple):
     """A recording, and Groundlink's sensor with the fitted sheet."""
 
     seconds: float
@@ -156,7 +156,7 @@ KINDS = {
 }
 
 
-def compare(name: str, folder: Path) -> Comparison:
+def compare(name: str, folder: Path) -> RestComparison:
     """Return the Allan deviations of a device's recording and of its fitted sheet."""
     device, sheet = DEVICES[name], load_datasheet(f"{name}_fitted")
     kind = KINDS[sheet.kind]
@@ -167,7 +167,7 @@ def compare(name: str, folder: Path) -> Comparison:
         Group(kind.titles[field], fit, allan_bands(model.axes(*kind.axes[field])))
         for field, fit in fits.items()
     ]
-    return Comparison(series.seconds, 1 / series.period_s, groups)
+    return RestComparison(series.seconds, 1 / series.period_s, groups)
 
 
 def held_out(name: str, folder: Path) -> Reals:
@@ -201,7 +201,7 @@ def rows(group: Group) -> Iterator[str]:
         yield "| " + " | ".join(cells) + " |"
 
 
-def plot(found: Mapping[str, Comparison]) -> Figure:
+def plot(found: Mapping[str, RestComparison]) -> Figure:
     """Return the Allan deviations of the IMUs: recording as dots, model as lines."""
     figure, axes = side_by_side(2, height=3.6)
     imus = {name: one for name, one in found.items() if name.startswith("imu_")}

@@ -50,7 +50,7 @@ SLOW = 50.0
 _FREQUENCIES = (np.arange(20_000) + 0.5) * TICK_RATE_HZ / 40_000
 
 
-class Curve(NamedTuple):
+class NoiseCurve(NamedTuple):
     """Sizes of a device's errors, in units of its quantity."""
 
     white: float
@@ -140,9 +140,9 @@ class CurveFit(NamedTuple):
     """Errors of a device, fitted to a recording."""
 
     bands: AllanBands
-    curve: Curve
+    curve: NoiseCurve
     fitted: Sequence[str]
-    """Names in `Curve` of the parameters that the recording shows; the others are the base's."""
+    """Names of the parameters that the recording shows; the others are the base's."""
 
     errors: Mapping[str, float]
     """1 sigma of the fitted parameters that are not zero, relative, by name."""
@@ -191,17 +191,17 @@ def allan_table(what: str, fit: CurveFit, axes: Sequence[str]) -> Iterator[str]:
 
 
 def fit_curves(
-    groups: Sequence[AllanBands], bases: Sequence[Curve], choices: Iterable[Sequence[str]]
+    groups: Sequence[AllanBands], bases: Sequence[NoiseCurve], choices: Iterable[Sequence[str]]
 ) -> list[CurveFit]:
     """Return the fitted errors of groups of axes whose drifts have one time constant.
 
     Parameters
     ----------
     groups : sequence of AllanBands
-    bases : sequence of Curve
+    bases : sequence of NoiseCurve
         Values of the base sheet, with one `time_s`, and the rounding of the recording.
     choices : iterable of sequence of str
-        Names of the parameters of `Curve` to fit. Of the choices, that is taken whose chi^2 with
+        Names of the parameters to fit. Of the choices, that is taken whose chi^2 with
         `WORSE` for each parameter is the least (Akaike's criterion).
     """
     choices = list(choices)
@@ -233,8 +233,8 @@ class _Weighted(NamedTuple):
 
 
 def _best(
-    groups: Sequence[_Weighted], bases: Sequence[Curve], names: Sequence[str]
-) -> tuple[float, list[Curve], Sequence[str]]:
+    groups: Sequence[_Weighted], bases: Sequence[NoiseCurve], names: Sequence[str]
+) -> tuple[float, list[NoiseCurve], Sequence[str]]:
     """Return chi^2, the best curves with these parameters, and the names of the parameters."""
     curves = _fitted_levels(groups, bases, names)
     # One after the other, twice: a drift and a low pass show at other averaging times.
@@ -259,7 +259,7 @@ def _grids(groups: Sequence[_Weighted]) -> dict[str, list[float]]:
     }
 
 
-def _misfit(groups: Sequence[_Weighted], curves: Sequence[Curve]) -> float:
+def _misfit(groups: Sequence[_Weighted], curves: Sequence[NoiseCurve]) -> float:
     """Return chi^2 over the bands of all groups."""
     return sum(
         float(np.sum((np.log(curve.variance(bands.seconds) / bands.variance) / one.sigma) ** 2))
@@ -269,8 +269,8 @@ def _misfit(groups: Sequence[_Weighted], curves: Sequence[Curve]) -> float:
 
 
 def _fitted_levels(
-    groups: Sequence[_Weighted], curves: Sequence[Curve], names: Sequence[str]
-) -> list[Curve]:
+    groups: Sequence[_Weighted], curves: Sequence[NoiseCurve], names: Sequence[str]
+) -> list[NoiseCurve]:
     """Return curves with the best levels among these names, other parameters as given."""
     fitted = []
     for one, curve in zip(groups, curves, strict=True):
@@ -308,7 +308,7 @@ def _least_squares(terms: Reals, values: Reals) -> Reals:
     return best
 
 
-def _errors(one: _Weighted, curve: Curve, names: Sequence[str]) -> dict[str, float]:
+def _errors(one: _Weighted, curve: NoiseCurve, names: Sequence[str]) -> dict[str, float]:
     """Return the relative errors of fitted parameters, 1 sigma, that are not zero.
 
     From the inverse of the information matrix, with the relative change of the curve for a relative

@@ -19,7 +19,7 @@ from groundlink.core.errors import UserError
 from groundlink.loader.datasheets import CheckedDatasheet
 from groundlink.ros.types import nanos
 
-from .allan import DRIFT_PEAK, Curve, CurveFit, allan_table, fit_curves
+from .allan import DRIFT_PEAK, CurveFit, NoiseCurve, allan_table, fit_curves
 from .messages import MESSAGES, UNREADABLE, found_file, one_topic
 from .series import Reals, Series, allan_bands, of_samples, step
 from .sheet_file import FittedSheet, short
@@ -54,7 +54,7 @@ FIELDS = {
     "walk": ("random_walk", 1.0),
     "low_pass_hz": ("bandwidth_hz", 1.0),
 }
-"""Field of the sheet by that of `Curve`, and its value over the curve's."""
+"""Field of the sheet by that of `NoiseCurve`, and its value over the curve's."""
 
 
 class TriadFit(NamedTuple):
@@ -136,10 +136,10 @@ def fit(readings: Series, base: CheckedDatasheet) -> dict[str, TriadFit]:
     return found
 
 
-def _curve(noise: Any, rounding: float, period_s: float) -> Curve:
+def _curve(noise: Any, rounding: float, period_s: float) -> NoiseCurve:
     """Return the errors of a sheet's triad, with the rounding of a recording."""
     values = {of: getattr(noise, field) / factor for of, (field, factor) in FIELDS.items()}
-    return Curve(**values, rounding=rounding * (period_s / 12) ** 0.5)
+    return NoiseCurve(**values, rounding=rounding * (period_s / 12) ** 0.5)
 
 
 def fitted_fields(name: str, triad: TriadFit) -> dict[str, float]:

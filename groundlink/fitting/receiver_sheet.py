@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from groundlink.core.errors import UserError
 from groundlink.loader.datasheets import CheckedDatasheet
 
-from .allan import Curve, CurveFit, allan_table, fit_curves
+from .allan import CurveFit, NoiseCurve, allan_table, fit_curves
 from .positions import Positions, read_positions
 from .series import allan_bands
 from .sheet_file import FittedSheet, short
@@ -24,7 +24,7 @@ AXES = {"horizontal": ("east", "north"), "vertical": ("up",)}
 CHOICES = [("white",), ("white", "drift"), ("white", "drift", "time_s")]
 
 FIELDS = {"white": "white_stddev_m", "drift": "drift_stddev_m"}
-"""Field of the sheet by that of `Curve`."""
+"""Field of the sheet by that of `NoiseCurve`."""
 
 
 class ReceiverFit(NamedTuple):
@@ -75,7 +75,7 @@ def fit(positions: Positions, base: CheckedDatasheet) -> ReceiverFit:
     period = positions.series.period_s
     groups = [allan_bands(positions.series.axes(*axes)) for axes in GROUPS.values()]
     bases = [
-        Curve(
+        NoiseCurve(
             figures.get(name, {}).get("white_stddev_m", 0.0) * period**0.5,
             figures.get(name, {}).get("drift_stddev_m", 0.0),
             sensor.drift_time_s,

@@ -7,8 +7,8 @@ import pytest
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.fitting.allan import (
     DRIFT_PEAK,
-    Curve,
     CurveFit,
+    NoiseCurve,
     allan_table,
     fit_curves,
     gauss_markov,
@@ -22,7 +22,7 @@ from services.sensors.noise.random_streams import RandomStreams
 from tests.services.sensors.allan import Floats
 
 SECONDS: Floats = TICK_SECONDS * 2.0 ** np.arange(18)
-NO_BASE = Curve(0, 0, 100)
+NO_BASE = NoiseCurve(0, 0, 100)
 LEVELS = [("white",), ("white", "drift"), ("white", "drift", "time_s")]
 
 
@@ -47,7 +47,7 @@ def test_a_drift_has_its_highest_deviation_where_the_model_says() -> None:
     assert gauss_markov(np.array([0.1]), 1.0, 0.1)[0] == pytest.approx(1 - np.exp(-0.1))
 
 
-def exact(curve: Curve, bands: int = 18, clusters: int = 10_000) -> AllanBands:
+def exact(curve: NoiseCurve, bands: int = 18, clusters: int = 10_000) -> AllanBands:
     """Return the bands of an endless recording."""
     variance = curve.variance(SECONDS[:bands])
     counts = np.full(bands, clusters, np.intp)
@@ -57,14 +57,14 @@ def exact(curve: Curve, bands: int = 18, clusters: int = 10_000) -> AllanBands:
 @pytest.mark.parametrize(
     "curve",
     [
-        Curve(2e-3, 0, 100),
-        Curve(2e-3, 1e-3, 30),
-        Curve(2e-3, 1e-3, 10, walk=5e-5),
-        Curve(2e-3, 0, 100, low_pass_hz=63.3),
-        Curve(2e-3, 1e-3, 30, low_pass_hz=31.4, rounding=1e-3),
+        NoiseCurve(2e-3, 0, 100),
+        NoiseCurve(2e-3, 1e-3, 30),
+        NoiseCurve(2e-3, 1e-3, 10, walk=5e-5),
+        NoiseCurve(2e-3, 0, 100, low_pass_hz=63.3),
+        NoiseCurve(2e-3, 1e-3, 30, low_pass_hz=31.4, rounding=1e-3),
     ],
 )
-def test_exact_bands_give_their_curve(curve: Curve) -> None:
+def test_exact_bands_give_their_curve(curve: NoiseCurve) -> None:
     choices = [
         (*levels, *low_pass)
         for low_pass in ((), ("low_pass_hz",))
@@ -82,8 +82,8 @@ def test_exact_bands_give_their_curve(curve: Curve) -> None:
 
 
 def test_what_a_recording_is_too_short_for_is_that_of_the_base() -> None:
-    base = Curve(9e-3, 1e-4, 300, walk=1e-7)
-    short = exact(Curve(2e-3, 1e-4, 300), bands=8, clusters=100)
+    base = NoiseCurve(9e-3, 1e-4, 300, walk=1e-7)
+    short = exact(NoiseCurve(2e-3, 1e-4, 300), bands=8, clusters=100)
     (found,) = fit_curves([short], [base], LEVELS)
     assert found.fitted == ("white",)
     assert found.curve == base._replace(white=found.curve.white)
@@ -94,7 +94,7 @@ def test_what_a_recording_is_too_short_for_is_that_of_the_base() -> None:
 
 
 def test_groups_share_the_time_constant() -> None:
-    curves = Curve(0.02, 0.3, 40), Curve(0.05, 0.9, 40)
+    curves = NoiseCurve(0.02, 0.3, 40), NoiseCurve(0.05, 0.9, 40)
     found = fit_curves([exact(curve) for curve in curves], [NO_BASE] * 2, LEVELS)
     assert found[0].curve.time_s == found[1].curve.time_s == pytest.approx(40, rel=0.06)
     assert [one.curve.drift for one in found] == pytest.approx([0.3, 0.9], rel=0.03)
@@ -116,9 +116,9 @@ def test_the_errors_of_an_error_process_are_within_the_stated_ones() -> None:
 
 
 def test_the_table_names_bands_that_are_left_out() -> None:
-    bands = exact(Curve(1e-3, 0, 100), bands=3)
+    bands = exact(NoiseCurve(1e-3, 0, 100), bands=3)
     bands.variance[0] *= 3
-    fit = CurveFit(bands, Curve(1e-3, 0, 100), ("white",), {"white": 0.01})
+    fit = CurveFit(bands, NoiseCurve(1e-3, 0, 100), ("white",), {"white": 0.01})
     lines = list(allan_table("the gyroscope, rad/s", fit, "xyz"))
     assert lines[0] == "Allan deviation of the gyroscope, rad/s, by averaging time:"
     assert "(-42%), has vibration, left out" in lines[1]
