@@ -171,7 +171,7 @@ def test_a_sensor_is_added_from_a_file(tmp_path: Path) -> None:
         "{kind: lidar_2d, datasheet: lms111, name: front, topic: /front, frame: front_link}",
         encoding="utf-8",
     )
-    changes = [SensorAddition("rover", file), *field_changes(["front.dropout=0.5"])]
+    changes: list[Change] = [SensorAddition("rover", file), *field_changes(["front.dropout=0.5"])]
     added = load("indoor_lab", changes=changes)
     assert added.sensor_names()[-1] == "rover/front"
     assert at(added, "vehicles.rover.sensors.front.dropout") == 0.5
