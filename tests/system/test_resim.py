@@ -91,11 +91,12 @@ def test_all_sensors_of_a_shipped_scenario_give_what_they_give_in_a_whole_run(
 ) -> None:
     run, copy, again, whole = (tmp_path / f"{n}.mcap" for n in ("run", "copy", "again", "whole"))
     rain = ("--set", "world.weather={rain_mm_per_h: 8.0}")
-    record(scenario, run)
+    seconds = 2.2  # two messages of each topic: bodies have one a second
+    record(scenario, run, duration=seconds)
     groundlink("resim", run, "--out", copy)
     assert copy.read_bytes() == run.read_bytes()
     groundlink("resim", run, *rain, "--out", again)
-    record(scenario, whole, *rain)
+    record(scenario, whole, *rain, duration=seconds)
     check_same(again, whole)
 
 
