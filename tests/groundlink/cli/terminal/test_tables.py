@@ -2,7 +2,9 @@
 """Tables of commands at 80 and 60 columns: no number is cut, and nothing is lost but columns."""
 
 import io
+from argparse import Namespace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
@@ -27,6 +29,7 @@ class Recorded:
 
     def __init__(self, topics: dict[str, TopicFacts]) -> None:
         self.topics = topics
+        self.run = SimpleNamespace(scenario=SimpleNamespace(name="lab", expect=()))
 
     def __enter__(self) -> "Recorded":
         return self
@@ -60,7 +63,8 @@ def test_what_was_recorded_keeps_its_numbers_and_leaves_out_what_never_happened(
     out.touch()
     console = Console(width=width, file=io.StringIO())
     with console.capture() as capture:
-        record._verdict(console, out, RunMonitor(), [])
+        options = Namespace(out=str(out), json=False, junit=None)
+        record._verdict(console, options, RunMonitor(), [])
     cells = [cell.strip() for text in capture.get().splitlines() for cell in text.split("│")]
     for cell in ("1234567", "400.00 Hz", "89", "/cmd_vel", "/gaps/rover/lidar"):
         assert cell in cells
