@@ -246,8 +246,8 @@ of the second halves are within 20 %, and the median difference is {percent:.0f}
 **Limits.** The recordings last one to six minutes, so none shows the time constant of a wandering
 bias of minutes, or a random walk. A turn-on bias from one unit has an error of 41 %. A receiver
 that smooths its positions has errors that grow faster than those of white noise and drift
-together: of a u-blox ZED-F9P without corrections (gpsd, `test/daemon/ublox-zed-f9p_hpg1.11.log`, 655
-s) the fit is up to 74 % off, so no sheet of it is shipped. `groundlink fit` prints the difference of
+together: of a u-blox ZED-F9P without corrections (gpsd, `test/daemon/ublox-zed-f9p_hpg1.11.log`)
+the fit is up to 74 % off, so no sheet of it is shipped. `groundlink fit` prints the difference of
 each band.
 
 **Fit your own.** [Add the noise of your device](../how-to/device-noise.md#fit-a-recording).
