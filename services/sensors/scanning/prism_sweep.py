@@ -7,7 +7,7 @@ slanted face; the two flat faces between them, of the same glass, cancel. So Sne
 acts twice. At the start of a run both wedges bend the beams to the right.
 
 Source: Marshall 1999, "Risley prism scan patterns"; the order of the faces is that with which this
-model meets the table of angles that Livox publishes for the Avia (`avia.yaml`).
+model meets a copy of the table of angles that Livox publishes for the Avia (`avia.yaml`).
 """
 
 import numpy as np

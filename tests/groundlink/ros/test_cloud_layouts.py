@@ -18,7 +18,7 @@ U1, U2, U4, F4, F8 = 2, 4, 6, 7, 8
 
 XYZ = [("x", 0, F4), ("y", 4, F4), ("z", 8, F4)]
 DRIVERS: dict[CloudLayout, tuple[int, list[tuple[str, int, int]]]] = {
-    # velodyne_pointcloud, rosbag of a VLP-16.
+    # As of velodyne_pointcloud; pinned here, since it is the default.
     "velodyne": (22, [*XYZ, ("intensity", 12, F4), ("ring", 16, U2), ("time", 18, F4)]),
     # ouster-ros, os_point.h: PCL_ADD_POINT4D takes 16 bytes, the whole is a multiple of 16.
     "ouster": (

@@ -21,14 +21,15 @@ from .livox_packets import SPOT, spots
 LINES = 6
 
 _VERSION, _SLOT, _LIDAR = 5, 7, 1
-"""Version of the protocol; place of a LiDAR that is connected without a hub, which SDKs ignore."""
+"""Version of the protocol, as openpylivox expects it; place of a LiDAR without a hub, our own
+assumption: Livox-SDK reads it for hubs only."""
 
 _PTP = 1
 _STATUS = 1 << 13 | _PTP << 14
 """Everything is in order; signal of PTP present, and synchronized to it."""
 
 _SECOND_RETURN = 1 << 4
-"""Bits 4 and 5 of a tag are the number of the return."""
+"""Bits 4 and 5 of a tag are the number of the return, as commonly quoted of the manual."""
 
 _HEADER = np.dtype(
     [

@@ -91,7 +91,10 @@ def test_full_sunlight_leaves_the_stated_share_of_the_range() -> None:
 
 
 def test_the_avias_ranges_in_sunlight_are_those_of_its_manual() -> None:
-    """450 m on 80 % in the dark are 320 m in the sun; on 20 %, 260 m in the dark are 230 m."""
+    """450 m on 80 % in the dark are 320 m in the sun; on 20 %, 260 m in the dark are 230 m.
+
+    Figures of the manual as commonly quoted.
+    """
     spec = from_sheet(Lidar, "avia")
     assert spec.sun is not None
     noise = (spec.sun.reach_share**-4 - 1) / spec.full_range_reflectivity
