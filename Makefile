@@ -13,6 +13,8 @@ PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
 READY := .venv/.ready
 SETUP_INPUTS := pyproject.toml udp-bridge/pyproject.toml setup.sh \
 	$(wildcard services/sensors/*/*.c udp-bridge/src/udp_bridge/io/native/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
+# Programs of the experiments that tests need.
+PROGRAMS := yag-slam kiss-icp evo
 # Files with tests marked `system`; collecting all others takes longer than many of these tests.
 SYSTEM_TESTS := tests/system tests/ros1 tests/ros/cpp tests/bridge/test_kernel_loss.py \
 	tests/docs/test_tutorials.py
@@ -39,7 +41,7 @@ test-units: setup ## run unit tests, import contracts, style and type checks
 		--no-loadscope-reorder
 
 environments: setup ## install third-party programs that tests of the experiments need
-	@flock .venv/.environments $(BIN)/python -m experiments $(patsubst %,--install %,yag-slam kiss-icp small-gicp genz-lio rko-lio evo)
+	@flock .venv/.environments $(BIN)/python -m experiments $(patsubst %,--install %,$(PROGRAMS))
 
 test-system: environments ## run tests of the running system, two at a time
 	@$(PYTEST) -m "system and not alone and not stack and not nightly" --reruns=$(RERUNS) --durations=20 \
@@ -51,6 +53,7 @@ test-alone: setup ## run tests that measure real-time rates, one at a time
 test-stack: setup ## test the containers on a Docker engine
 	@$(PYTEST) -m stack --reruns=$(RERUNS) -rPR --durations=5 tests/deploy
 
+test-nightly: PROGRAMS += small-gicp genz-lio rko-lio
 test-nightly: environments ## run tests that take long
 	@$(PYTEST) -m nightly --reruns=$(RERUNS) --durations=20
 

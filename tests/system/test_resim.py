@@ -111,3 +111,16 @@ def test_another_lidar_in_the_default_scenario(tmp_path: Path) -> None:
     with Recording(run) as before, Recording(again) as after:
         old, new = messages(before), messages(after)
         assert {topic for topic in old if old[topic] != new[topic]} == {"/points"}
+
+
+def test_a_recording_is_viewed_with_a_further_sensor(tmp_path: Path) -> None:
+    run, shown, sensor = (tmp_path / name for name in ("run.mcap", "shown.rrd", "roof.yaml"))
+    sensor.write_text(
+        "{kind: lidar_2d, name: roof, datasheet: lms111, topic: /roof, frame: roof_link}",
+        encoding="utf-8",
+    )
+    groundlink("record", "indoor_2d", "--duration", "0.5", "--out", run)
+    for options, is_drawn in (((), False), (("--add", f"rover={sensor}"), True)):
+        groundlink("view", run, *options, "--save", shown)
+        assert (b"/rover/roof" in shown.read_bytes()) == is_drawn
+        shown.unlink()

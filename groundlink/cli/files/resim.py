@@ -8,7 +8,9 @@ follow it. Their readings take the place of the recorded ones; all else is copie
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from groundlink.cli import Subparsers
 from groundlink.cli.run import running
@@ -18,6 +20,9 @@ from groundlink.core.atomic_file import check_new_file
 from groundlink.core.extras import needs
 from groundlink.loader import load, overrides
 from groundlink.loader.recorded_scenario import with_changes
+
+if TYPE_CHECKING:
+    from groundlink.recording.repeated_run import Resimulated
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -41,19 +46,10 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def resim(options: argparse.Namespace) -> int:
     """Write the recording as it is with the scenario's sensors, weather and light."""
-    with needs("record"):
-        from groundlink.recording.reader import Recording
-        from groundlink.recording.repeated_run import resimulate
-
     console = terminal.console()
     check_new_file("--out", options.out)
     changes = overrides.all_changes(options)
-    with Recording(options.recording) as recording, progress(f"writing {options.out}") as show:
-        if options.scenario is None:
-            scenario = with_changes(recording.started_as, changes)
-        else:
-            scenario = load(options.scenario, changes=changes)
-        done = resimulate(recording, scenario, options.out, show=show)
+    done = write_resimulated(options.recording, changes, options.out, options.scenario)
     if done.is_copy:
         terminal.say(console, f"nothing differs: {options.out} is a copy")
         return 0
@@ -63,3 +59,19 @@ def resim(options: argparse.Namespace) -> int:
         f"wrote {options.out}: {done.new} messages simulated ({names}), {done.copied} copied",
     )
     return 0
+
+
+def write_resimulated(
+    recorded: Path, changes: Sequence[overrides.Change], out: Path, scenario: str | None = None
+) -> Resimulated:
+    """Write a recording with changes of its scenario, or of another one, to a new file."""
+    with needs("record"):
+        from groundlink.recording.reader import Recording
+        from groundlink.recording.repeated_run import resimulate
+
+    with Recording(recorded) as recording, progress(f"simulating {recorded} again") as show:
+        if scenario is None:
+            changed = with_changes(recording.started_as, changes)
+        else:
+            changed = load(scenario, changes=changes)
+        return resimulate(recording, changed, out, show=show)

@@ -1,17 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """`groundlink view`: show a run in Rerun or Foxglove, or a recording in Rerun.
 
-The viewer is a separate process, ``python -m services.view``, with the same options.
+The viewer is a separate process, ``python -m services.view``, with the same options. With other
+sensors, a recording is simulated again first, into a temporary file.
 """
 
 import argparse
 import os
 import sys
+import tempfile
 from pathlib import Path
 
 from groundlink.cli import Subparsers
+from groundlink.cli.run.cases import exit_code
 from groundlink.core.errors import UserError
+from groundlink.loader import overrides
 from groundlink.process.runner import add_run_arguments
+
+from .resim import write_resimulated
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -19,6 +25,8 @@ def add_parser(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser("view", help="show a run or a recording in a viewer")
     add_run_arguments(parser)
     add_arguments(parser)
+    overrides.add_argument(parser)
+    overrides.add_sensor_arguments(parser)
     parser.set_defaults(command=view)
 
 
@@ -65,16 +73,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def view(options: argparse.Namespace) -> int:
-    """Start the viewer in place of this process."""
+    """Start the viewer in place of this process; with changed sensors, after their simulation."""
     if options.recording and (options.connect or options.run):
         raise UserError(
             f"{options.recording}: --connect and --run do not apply to a recording. Fix: leave "
             "them out"
         )
-    words = [str(options.recording)] if options.recording else []
+    changes = overrides.all_changes(options)
+    if not changes:
+        command = _viewer(options, options.recording)
+        os.execv(command[0], command)
+    if not options.recording:
+        raise UserError(
+            "view: --set, --add and --remove apply to a recording. Fix: name one, or leave them out"
+        )
+    with tempfile.TemporaryDirectory(prefix="groundlink-view-") as folder:
+        changed = Path(folder) / options.recording.name
+        write_resimulated(options.recording, changes, changed)
+        return exit_code(_viewer(options, changed))
+
+
+def _viewer(options: argparse.Namespace, recording: Path | None) -> list[str]:
+    """Return the command of the viewer's process."""
+    words = [str(recording)] if recording else []
     words += ["--host", options.host, "--color", options.color]
     for name in ("connect", "run", "save", "port"):
         if (value := getattr(options, name)) is not None:
             words += [f"--{name}", str(value)]
     words += [f"--{name}" for name in ("web", "foxglove") if getattr(options, name)]
-    os.execv(sys.executable, [sys.executable, "-m", "services.view", *words])
+    return [sys.executable, "-m", "services.view", *words]

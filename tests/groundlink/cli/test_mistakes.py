@@ -51,6 +51,7 @@ def test_another_host_needs_the_router_of_the_main_one(
     [
         ("sensors show imu", "`imu`: a kind of sensor; expected the name of a data sheet: imu_"),
         ("sensors show encoders", "none is shipped for this kind"),
+        ("view --remove rover/camera", "--set, --add and --remove apply to a recording. Fix: name"),
         ("sensors show nothing_near", "no file `sensors/nothing_near.yaml`"),
         (
             "link --loss 2 --listen 127.0.0.1:0 --to 127.0.0.1:9",
