@@ -150,6 +150,9 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     faults: tuple[Fault, ...] = ()
     """Faults of the sensor, each with its times."""
 
+    seed: Annotated[int, Meta(ge=0)] | None = None
+    """Seed of the sensor's random numbers, if it is not that of the scenario."""
+
     package: str = ""
     """Distribution that installs this kind. The loader fills it in; empty for shipped kinds."""
 
@@ -169,6 +172,10 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
         """Return the messages per second of sim time on each stream."""
         rate_hz: float = getattr(self, self.rate_field)
         return rate_hz
+
+    def noise_seed(self, scenario_seed: int) -> int:
+        """Return the seed of the sensor's random numbers."""
+        return scenario_seed if self.seed is None else self.seed
 
     @property
     def measuring_s(self) -> float:

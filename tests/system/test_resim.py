@@ -85,6 +85,7 @@ def test_a_sensor_is_removed_and_another_one_added(tmp_path: Path) -> None:
 
 
 @pytest.mark.nightly
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_all_sensors_of_a_shipped_scenario_give_what_they_give_in_a_whole_run(
     scenario: str, tmp_path: Path
@@ -101,6 +102,7 @@ def test_all_sensors_of_a_shipped_scenario_give_what_they_give_in_a_whole_run(
 
 
 @pytest.mark.nightly
+@pytest.mark.timeout(900)
 def test_another_lidar_in_the_default_scenario(tmp_path: Path) -> None:
     run, again, whole = (tmp_path / f"{name}.mcap" for name in ("run", "again", "whole"))
     change = ("--set", "rover/lidar.datasheet=sensors/os1_64.yaml")

@@ -35,7 +35,7 @@ class MagnetometerModel:
         self._spec, self._vehicle = spec, vehicle.name
         self._frame = vehicle.frame_prefix + spec.frame
         self._base_from_sensor = np.array(spec.mount.quaternion())
-        self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
+        self._streams = RandomStreams(spec.noise_seed(scenario.seed), f"{vehicle.name}/{spec.name}")
         turn_on = self._streams.at("turn_on_bias", 0).standard_normal(3)
         self._bias_t = spec.turn_on_bias_t * turn_on
         self._due = NextEvent(Schedule.at(spec.rate_hz))

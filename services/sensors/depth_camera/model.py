@@ -50,7 +50,7 @@ class DepthCameraModel(PictureModel):
         super().__init__(spec, self._eye, span_nanos=self._eye.span_nanos)
         self._frame = vehicle.frame_prefix + spec.frame
         self._outputs = spec.ros_topics().keys()
-        self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
+        self._streams = RandomStreams(spec.noise_seed(scenario.seed), f"{vehicle.name}/{spec.name}")
 
     def taken(self, nanos: int, tick: int, stamp_nanos: int) -> list[BusMessage | StreamMessage]:
         """Return the messages of the picture at an instant."""

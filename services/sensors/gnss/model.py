@@ -177,7 +177,7 @@ class GnssModel:
         self._due = NextEvent(Schedule.at(spec.rate_hz))
         self._latency_nanos = int(exact(spec.latency_s) * NANOS)
         self._jitter_nanos = int(exact(spec.latency_jitter_s) * NANOS)
-        self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
+        self._streams = RandomStreams(spec.noise_seed(scenario.seed), f"{vehicle.name}/{spec.name}")
         self._solutions = [
             (solution, GnssErrors(_with_noise_of(spec, solution), self._streams))
             for solution in spec.ranked_solutions()

@@ -93,7 +93,7 @@ class ImuModel:
         self._frame = vehicle.frame_prefix + spec.frame
         self._mount = spec.mount
         self._schedule = Schedule.at(spec.rate_hz)
-        streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
+        streams = RandomStreams(spec.noise_seed(scenario.seed), f"{vehicle.name}/{spec.name}")
         self._errors = ImuErrors(spec, streams, scenario.world.weather.temperature_c)
         self._orientation_variance = math.radians(spec.orientation_stddev_deg) ** 2
         self._triads = (spec.accelerometer, spec.gyroscope)

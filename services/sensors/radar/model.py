@@ -58,7 +58,7 @@ class RadarModel:
         full_db = spec.threshold_db - spec.full_range_rcs_dbsm
         loss = rain_db_per_km(scenario.world.weather.rain_mm_per_h)
         self._equation = RadarEquation(10 ** (full_db / 10) * spec.max_range_m**4, loss)
-        self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
+        self._streams = RandomStreams(spec.noise_seed(scenario.seed), f"{vehicle.name}/{spec.name}")
         self._detector = Detector(spec, self._equation, self._streams)
         self._step_rad = math.radians(spec.ray_step_deg)
         columns, rows = (

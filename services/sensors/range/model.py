@@ -63,7 +63,7 @@ class RangeModel:
         self._field_of_view_rad = math.radians(spec.field_of_view_deg)
         self._cone = cone(self._field_of_view_rad, spec.rays)
         self._least_cosine = math.cos(math.radians(spec.max_incidence_deg))
-        self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
+        self._streams = RandomStreams(spec.noise_seed(scenario.seed), f"{vehicle.name}/{spec.name}")
         turn_on = PolarNormal(self._streams.at("turn_on_bias", 0)).draw(1)
         self._bias_m = spec.turn_on_bias_m * float(turn_on[0])
         self.restart()

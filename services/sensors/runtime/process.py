@@ -200,7 +200,7 @@ def follower(
         model,
         faults=spec.faults,
         messages={output.name: output.row.message for output in sensor_outputs(spec)},
-        streams=RandomStreams(scenario.seed, name),
+        streams=RandomStreams(spec.noise_seed(scenario.seed), name),
     )
 
     publish_missing = publisher(

@@ -73,7 +73,7 @@ class WheelCounters:
         self._slip_stddev = spec.slip_stddev
         self._slips: tuple[int, list[list[float]]] = (-1, [])
         self._reset_ticks = [-int(-exact(s) * NANOS // TICK_NANOS) for s in spec.resets_s]
-        self._streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
+        self._streams = RandomStreams(spec.noise_seed(scenario.seed), f"{vehicle.name}/{spec.name}")
         normal = self._streams.at("scale", 0).standard_normal(len(self.names))
         scales = (1 + spec.scale_stddev * normal).tolist()
         self._gears = [gear * scale for gear, scale in zip(self._gears, scales, strict=True)]

@@ -172,7 +172,7 @@ class Scanner:
         self.blocks = FiringBlocks(spec, self.sweep, stray.neighbors)
         self.replica = Replica(scenario, vehicle, spec.mount.xyz_m)
         self._true_view = TrueView(self.replica, spec.mount) if truth else None
-        streams = RandomStreams(scenario.seed, f"{vehicle.name}/{spec.name}")
+        streams = RandomStreams(spec.noise_seed(scenario.seed), f"{vehicle.name}/{spec.name}")
         draws = RevolutionDraws(streams)
         self._beams = Beams(spec, self.sweep, draws)
         air = atmosphere_of(spec, scenario.world.weather)

@@ -486,11 +486,13 @@ def test_seed_and_name_choose_the_noise(kind: type[Any], data: st.DataObject) ->
     spec, counted = data.draw(KINDS[kind][0]), replace(COUNTED, **WORN)
     if isinstance(spec, Encoders):
         spec = replace(spec, **WORN)
-    one, same, other, named = (
+    named, own = replace(spec, name="other"), replace(spec, seed=2)
+    one, same, other, named, own = (
         sent(model(chosen, seed=seed, counted=counted), STATES[:TICKS])
-        for chosen, seed in ((spec, 1), (spec, 1), (spec, 2), (replace(spec, name="other"), 1))
+        for chosen, seed in ((spec, 1), (spec, 1), (spec, 2), (named, 1), (own, 1))
     )
     assert one == same
+    assert own == other
     continuous = kind in (Lidar, Lidar2d, InertialUnit, Gnss)
     most = 0 if continuous else 1 + len(one) // 20  # the first counts and echoes that both lost
     for different in (other, named):

@@ -87,7 +87,8 @@ class CameraEye:
         name = f"{vehicle.name}/{spec.name}"
         names = [name, *(f"{name}/eye_{number}" for number in range(1, len(to_the_right_m)))]
         self._electronics = [
-            Electronics(spec.imager, values, RandomStreams(scenario.seed, each)) for each in names
+            Electronics(spec.imager, values, RandomStreams(spec.noise_seed(scenario.seed), each))
+            for each in names
         ]
         self._optical_from_eye = np.tile(np.eye(4), (len(names), 1, 1))
         self._optical_from_eye[:, 0, 3] = to_the_right_m
