@@ -115,7 +115,7 @@ class PlainRos:
         self._publisher.number()
 
     def send(self, size: int) -> float:
-        """See `Transport`; what it takes until the call is nothing."""
+        """See `Transport`. The time until the call of `publish` is 0: that call is the beginning."""
         self._publisher.say(str(size))
         self.began_nanos = self._publisher.number()
         return 0.0

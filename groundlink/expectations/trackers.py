@@ -5,6 +5,7 @@ The same calls give the same results, live and from a recording. Calls of one so
 time; sorts may be mixed in any order, except commands, which come before the poses they act on.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from math import degrees, hypot
 from typing import NamedTuple
@@ -130,7 +131,7 @@ class ExpectationTracker:
         self._verdict, self._text = verdict, text
 
 
-class _Goal(ExpectationTracker):
+class _Goal(ExpectationTracker, ABC):
     """Something that has to happen once, by a sim time or by the end of the run."""
 
     def __init__(
@@ -165,11 +166,13 @@ class _Goal(ExpectationTracker):
         by = "the end of the run" if self._by_s is None else f"{self._by_s:g} s"
         return f"{self._so_far()}; expected {self._expected()} by {by}"
 
+    @abstractmethod
     def _so_far(self) -> str:
-        raise NotImplementedError
+        """Return how near it came."""
 
+    @abstractmethod
     def _expected(self) -> str:
-        raise NotImplementedError
+        """Return the limit as text."""
 
 
 class _ReachTracker(_Goal):
@@ -347,7 +350,7 @@ class _FailureTracker(_Limit):
         return "no failure"
 
 
-class _EstimateTracker(_Limit):
+class _EstimateTracker(_Limit, ABC):
     missing = "no estimate of the pose"
 
     def __init__(self, expectation: PoseExpectation, limit: float) -> None:
@@ -361,8 +364,9 @@ class _EstimateTracker(_Limit):
             estimate = laid_on(estimate, *self._first)
         self._add(estimate.seconds, self._error(estimate, truth))
 
+    @abstractmethod
     def _error(self, estimate: PlanarPose, truth: PlanarPose) -> float:
-        raise NotImplementedError
+        """Return the error of an estimate."""
 
 
 class _PositionTracker(_EstimateTracker):
