@@ -115,7 +115,7 @@ class PlainRos:
         self._publisher.number()
 
     def send(self, size: int) -> float:
-        """See `Transport`. The time until the call of `publish` is 0: that call is the beginning."""
+        """See `Transport`. It takes 0 ms until the call of `publish`, which is the beginning."""
         self._publisher.say(str(size))
         self.began_nanos = self._publisher.number()
         return 0.0
