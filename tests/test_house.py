@@ -52,6 +52,7 @@ def test_style() -> None:
     run("-m", "ruff", "format", "--check", ".")
 
 
+@pytest.mark.timeout(400)  # Without mypy's cache, on busy cores.
 def test_types() -> None:
     run("-m", "mypy", "groundlink", "services", "benchmarks", "experiments", "tools")
     run("-m", "mypy", "udp-bridge/src/udp_bridge")
