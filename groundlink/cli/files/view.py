@@ -12,16 +12,15 @@ import tempfile
 from pathlib import Path
 
 from groundlink.cli import Subparsers
-from groundlink.cli.run.cases import exit_code
 from groundlink.core.errors import UserError
-from groundlink.loader import overrides
 from groundlink.process.runner import add_run_arguments
-
-from .resim import write_resimulated
 
 
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command to the command line."""
+    # The viewer's process has the same options and loads no loader.
+    from groundlink.loader import overrides
+
     parser = subparsers.add_parser("view", help="show a run or a recording in a viewer")
     add_run_arguments(parser)
     add_arguments(parser)
@@ -74,6 +73,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def view(options: argparse.Namespace) -> int:
     """Start the viewer in place of this process; with changed sensors, after their simulation."""
+    from groundlink.cli.run.cases import exit_code
+    from groundlink.loader import overrides
+
+    from .resim import write_resimulated
+
     if options.recording and (options.connect or options.run):
         raise UserError(
             f"{options.recording}: --connect and --run do not apply to a recording. Fix: leave "

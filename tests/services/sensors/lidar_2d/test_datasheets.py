@@ -36,7 +36,9 @@ DEVICES = {
 
 
 def sheet(name: str) -> dict[str, Any]:
-    return asdict(from_sheet(Lidar2d, name)) | {"mount": planes.MOUNT}
+    fields = asdict(from_sheet(Lidar2d, name)) | {"mount": planes.MOUNT}
+    del fields["seed"]  # `planes.scenario` takes that of the scenario
+    return fields
 
 
 @pytest.mark.parametrize(("name", "device"), DEVICES.items())
