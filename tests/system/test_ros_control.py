@@ -248,7 +248,7 @@ def test_the_standard_services(tmp_path: Path, pytestconfig: pytest.Config) -> N
             it.start(*lidar, log="lidar.log")
             recorder = it.start("-m", "services.recorder", "--out", str(file), *of_run, log="mcap")
             assert farthest_m() < 13.0, "the room has a length of 12 m"
-            wait_for(file.exists, 20, "a recording is begun")
+            wait_for(file.exists, 60, "a recording is begun")
             assert spawn(-2.0, 0.5) == (OK, "crate")
             assert load("/no/such/file.yaml")[0] == NOT_FOUND
             assert names(filter="crate") == ["crate"]
