@@ -7,9 +7,10 @@ import pytest
 from services.sensors.lidar.spec import Lidar
 from services.sensors.scanning.mirror_sweep import MirrorSweep
 from services.sensors.scanning.sweep import Sweep
-from tests.services.sensors.lidar import rooms
 from tests.services.sensors.lidar.native.test_vlp16 import sheet
 from tests.services.sensors.sheets import from_sheet
+
+from .moving_patterns import check_blocks_of_a_drive
 
 # Mean zenith of the four lines by row, of the beginning of mid360.csv in
 # Livox-SDK/livox_laser_simulation; a row every 5 us.
@@ -75,14 +76,4 @@ def test_points_of_blocks_and_messages_are_on_the_walls() -> None:
         "range_resolution_m": 0.0,
         "min_range_m": 1.0,
     }  # Not its own wheels.
-    way = rooms.driving(speed_mps=2.0, turn_radps=1.0)
-    whole = rooms.clouds(rooms.scenario(**fields), way, 81)
-    blocks = rooms.clouds(rooms.scenario(**fields, block_deg=45.0), way, 81)
-    assert (len(whole), len(blocks)) == (2, 16)
-    for number, cloud in enumerate(whole):
-        parts = [block.records() for block in blocks[8 * number : 8 * number + 8]]
-        for field in ("x", "y", "z", "ring"):
-            np.testing.assert_array_equal(cloud.records()[field], np.concatenate(parts)[field])
-        points = rooms.in_world(way, rooms.sim_seconds(cloud), rooms.points(cloud))
-        assert len(points) > 15_000
-        assert rooms.off_the_walls(points).max() < 1e-4
+    check_blocks_of_a_drive(fields)

@@ -10,9 +10,10 @@ import pytest
 from groundlink.scenario.rotating_lidar import TurningPrisms
 from services.sensors.lidar.spec import Lidar
 from services.sensors.scanning.prism_sweep import PrismSweep
-from tests.services.sensors.lidar import rooms
 from tests.services.sensors.lidar.native.test_vlp16 import sheet
 from tests.services.sensors.sheets import from_sheet
+
+from .moving_patterns import check_blocks_of_a_drive
 
 # Azimuth and elevation of the first and the last line by row, of the table avia.csv in
 # Livox-SDK/livox_laser_simulation, by the copy in mujoco-lidar 0.3.5 (MIT). Six of its lines, those
@@ -105,17 +106,7 @@ def test_the_pattern_does_not_repeat_itself(sweep: PrismSweep) -> None:
 def test_points_of_blocks_and_messages_are_on_the_walls() -> None:
     exact = {"azimuth_stddev_deg": 0.0, "elevation_stddev_deg": 0.0, "range_stddev_m": 0.0}
     fields = sheet("avia", **exact, range_resolution_m=0.0, sun=None)
-    way = rooms.driving(speed_mps=2.0, turn_radps=1.0)
-    whole = rooms.clouds(rooms.scenario(**fields), way, 81)
-    blocks = rooms.clouds(rooms.scenario(**fields, block_deg=45.0), way, 81)
-    assert (len(whole), len(blocks)) == (2, 16)
-    for number, cloud in enumerate(whole):
-        parts = [block.records() for block in blocks[8 * number : 8 * number + 8]]
-        for field in ("x", "y", "z", "ring"):
-            np.testing.assert_array_equal(cloud.records()[field], np.concatenate(parts)[field])
-        points = rooms.in_world(way, rooms.sim_seconds(cloud), rooms.points(cloud))
-        assert len(points) > 15_000
-        assert rooms.off_the_walls(points).max() < 1e-4
+    check_blocks_of_a_drive(fields)
 
 
 @pytest.mark.parametrize(
