@@ -167,15 +167,17 @@ def test_the_sums_add_up_beside_physics(recorded: RunSummary) -> None:
 
 
 def test_the_sums_add_up_in_ros(spread: Spread, recorded: RunSummary) -> None:
-    """Every reading was sent to ROS, or it is counted as one that did not come."""
+    """Every reading arrived in ROS, or the gateway counted it as one that did not come.
+
+    What the gateway has sent is no measure: one whose session was deaf starts to count again.
+    """
     counters = recorded.diagnostics.processes["gateway"]
     for topic, period_nanos in PERIODS_NANOS.items():
         stamps = [m["stamp"] for m in spread.observer.read()[topic]]
         due = (stamps[-1] - stamps[0]) // period_nanos + 1
-        sent = int(recorded.diagnostics.streams[topic, "to ROS"].last["sent"])
         not_come = int(counters[f"not_come_{topic}"])
-        print(topic, due, sent, not_come)
+        print(topic, due, len(stamps), not_come)
         due_in_cut = CUT_SECONDS["ros"] * 1e9 / period_nanos
         assert not_come > 0.5 * due_in_cut
-        # Both were told within the last seconds, and ROS may not have found the first ones.
-        assert sent + not_come == pytest.approx(due, abs=0.8 * due_in_cut)
+        # The counters were told within the last seconds.
+        assert len(stamps) + not_come == pytest.approx(due, abs=0.8 * due_in_cut)
