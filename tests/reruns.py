@@ -1,7 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A test that passed only when it was repeated is shown with its first failure."""
+"""A repeated test begins anew, and is shown with its first failure.
+
+pytest-rerunfailures keeps the fixtures of a module while it repeats a test. Where such a fixture is
+a running system that went wrong, each repetition would fail by the same.
+"""
+
+from collections.abc import Generator
 
 import pytest
+
+_HAS_FAILED = pytest.StashKey[bool]()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item,
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Note whether a test has failed."""
+    report = yield
+    item.stash[_HAS_FAILED] = report.failed or (
+        report.when != "setup" and item.stash.get(_HAS_FAILED, False)
+    )
+    return report
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_teardown(item: pytest.Item) -> None:
+    """End all fixtures but those of the session, if a failed test may be repeated."""
+    if item.config.getoption("reruns") and item.stash.get(_HAS_FAILED, False):
+        item.session._setupstate.teardown_exact(item.session)  # type: ignore[arg-type]
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
