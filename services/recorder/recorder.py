@@ -161,8 +161,11 @@ class Recorder:
             self._declared_hz[each.topic] = so_far + each.declared_hz
         self._health: dict[str, Health] = {}
         self._file: RecordingFile | None = None
-        self.early = deque(early, maxlen=EARLY_MESSAGES)
+        self._early = deque(early, maxlen=EARLY_MESSAGES)
         """Messages that wait for their clock."""
+
+        self._repeated: deque[tuple[str, BusMessage]] = deque(maxlen=EARLY_MESSAGES)
+        """Messages since the newest clock that seemed to be repeated."""
 
         self._reached: dict[str, int] = {}
         """By stream: the stamp of the newest message."""
@@ -196,6 +199,15 @@ class Recorder:
         return self._file
 
     @property
+    def early(self) -> list[tuple[str, BusMessage]]:
+        """Messages that may be of the next episode: newer than the clock, or apparently repeated.
+
+        If both episodes have the same epoch, what overtakes the first clock of the next one looks
+        like what a restarted sensor repeats.
+        """
+        return [*self._early, *self._repeated]
+
+    @property
     def dropped(self) -> dict[str, int]:
         """By topic: messages that arrived faster than they could be taken."""
         topics = {stream.key: stream.topic for stream in self.streams}
@@ -213,12 +225,12 @@ class Recorder:
         if isinstance(message, Clock):
             self._heard_clock(message)
             self._take(key, message)
-            waiting = [*self.early]
-            self.early.clear()
+            waiting = [*self._early]
+            self._early.clear()
             for early in waiting:
                 self.take(*early)
         elif self._file is None or self._outruns_clock(key, message):
-            self.early.append((key, message))
+            self._early.append((key, message))
         else:
             self._take(key, message)
 
@@ -238,6 +250,7 @@ class Recorder:
         stamp = measured_nanos(message)
         if stamp <= self._reached.get(key, self._first_nanos - 1):
             self.counts["repeated"] += stamp >= self._first_nanos
+            self._repeated.append((key, message))
             return
         self._reached[key] = stamp
         self._write(key, message, stamp)
@@ -350,6 +363,7 @@ class Recorder:
         if self.clock is not None and self.clock.episode == clock.episode:
             self.counts["clocks_missed"] += self._clocks.between(self.clock.tick, clock.tick)
         self.clock = clock
+        self._repeated.clear()
         if self._file is None:
             self._first_nanos = clock.stamp_nanos
             self._next_diagnostics_nanos = clock.stamp_nanos + DIAGNOSTICS_NANOS

@@ -332,6 +332,28 @@ def test_messages_before_the_first_clock_of_an_episode_belong_to_it(
     assert successor.counts["messages"] == 4  # and /clock, /tf_static, /robot_description
 
 
+def test_messages_before_the_first_clock_of_an_episode_of_the_same_epoch_belong_to_it(
+    rig: Rig, lab: Scenario
+) -> None:
+    """They look as if they were repeated; what was repeated before the last clock is none."""
+    for tick in (0, 8, 16):
+        rig.clock(tick)
+        rig.imu(tick)
+    rig.imu(8)
+    rig.clock(24)
+    rig.truth(16, 0.0)
+    rig.truth(0, 2.0)
+    following = Recorder(
+        lab, RUN, lambda epoch: RosFile(rig.path.with_stem("next")), early=rig.recorder.early
+    )
+    rig.recorder, rig.path = following, rig.path.with_stem("next")
+    rig.clock(0)
+    rig.truth(8, 3.0)
+    written = rig.written()
+    assert [tick for tick, _ in written["/ground_truth/wheels"]] == [0, 8]
+    assert "/imu" not in written
+
+
 def test_sensor_clock_offset_is_only_in_the_body(rig: Rig) -> None:
     rig.clock(0)
     for tick, ahead in ((1, 0), (2, -2 * NANOS), (3, 3 * NANOS), (4, 0)):
