@@ -19,7 +19,8 @@ from groundlink.report.analysis.gather import RunSummary, gather
 from .hosts import Hosts, hosts
 from .rig import Observer, Rig, rig, wait_for
 
-pytestmark = pytest.mark.system
+# A repeated test builds the run and all that happens in it again.
+pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
 
 NEAR = "rover/encoders"
 """The sensor that is with physics, and not on the hosts that are cut off."""
@@ -63,25 +64,32 @@ class Spread(NamedTuple):
         return np.array([m["seen"] for m in self.observer.read()[topic] if m["seen"] >= since])
 
     def wait_for_topics(self, since: float) -> None:
-        """Wait until each topic has come on after an instant; it has, within the time for it."""
+        """Wait until each topic has come on after an instant."""
         for topic in PERIODS_NANOS:
             wait_for(partial(self._has_come_on, topic, since), 30, f"{topic} comes on")
-            logs = self.rig.folder.glob("*.log")
-            was_deaf = any("sends nothing; starting again" in log.read_text() for log in logs)
-            within = DEAF_SECONDS if was_deaf else BACK_WITHIN_SECONDS
+
+    def assert_topics_are_back(self, since: float) -> None:
+        """Each topic has come on after an instant, within the time for it."""
+        logs = self.rig.folder.glob("*.log")
+        was_deaf = any("sends nothing; starting again" in log.read_text() for log in logs)
+        within = DEAF_SECONDS if was_deaf else BACK_WITHIN_SECONDS
+        for topic in PERIODS_NANOS:
             assert self.seen(topic, since)[0] < since + within, topic
 
     def _has_come_on(self, topic: str, since: float) -> bool:
         return self.seen(topic, since).size > 5
 
-    def cut(self, host: str, seconds: float) -> tuple[float, float]:
-        """Pull a host's cable for a while; return when, and when it was put in again."""
+    def cut(self, host: str) -> "Event":
+        """Pull a host's cable for a while, and wait until all topics come on."""
+        log_before = self.rig.log("router.log")
         self.hosts.cut(host)
         pulled = time.monotonic()
-        wait_for(lambda: time.monotonic() > pulled + seconds, seconds + 5, "a while passes")
+        until = pulled + CUT_SECONDS[host]
+        wait_for(lambda: time.monotonic() > until, CUT_SECONDS[host] + 5, "a while passes")
         put_in = time.monotonic()
         self.hosts.restore(host)
-        return pulled, put_in
+        self.wait_for_topics(put_in)
+        return Event(pulled, put_in, self.rig.log("router.log").removeprefix(log_before))
 
     def assert_nothing_old_is_new(self) -> None:
         for topic, period_nanos in PERIODS_NANOS.items():
@@ -115,36 +123,64 @@ def spread(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Spread]:
         yield run
 
 
-def test_sensors_that_are_cut_off_come_back_and_the_rest_goes_on(spread: Spread) -> None:
-    pulled, put_in = spread.cut("sensors", CUT_SECONDS["sensors"])
-    spread.wait_for_topics(put_in)
-    near = spread.seen("/wheel_encoders", pulled)
-    assert np.diff(near).max() < STALL_SECONDS, "who was not cut off goes on"
-    spread.assert_nothing_old_is_new()
+class Event(NamedTuple):
+    """A cut or the end of the router, in the run of all tests."""
+
+    begun: float
+    over: float
+    """When the cable was put in again, or another router listened."""
+
+    router_said: str
+    """The lines of the router since it began."""
 
 
-def test_ros_that_is_cut_off_comes_back_and_only_it_went(spread: Spread) -> None:
-    log_before = spread.rig.log("router.log")
-    _, put_in = spread.cut("ros", CUT_SECONDS["ros"])
-    spread.wait_for_topics(put_in)
-    spread.assert_nothing_old_is_new()
-    log = spread.rig.log("router.log").removeprefix(log_before)
-    assert not [line for line in log.splitlines() if " left" in line and "gateway" not in line]
+@pytest.fixture(scope="module")
+def sensors_cut(spread: Spread) -> Event:
+    return spread.cut("sensors")
 
 
-def test_router_restart_is_survived(spread: Spread) -> None:
+@pytest.fixture(scope="module")
+def ros_cut(spread: Spread, sensors_cut: Event) -> Event:
+    return spread.cut("ros")
+
+
+@pytest.fixture(scope="module")
+def router_killed(spread: Spread, ros_cut: Event) -> Event:
     (router,) = (p for p in spread.rig.started if "services.router" in str(p.args))
+    killed = time.monotonic()
     router.kill()
     router.wait(10)
     spread.start_router()
     wait_for(lambda: "listening" in spread.rig.log("router.log"), 30, "the router listens")
-    spread.wait_for_topics(time.monotonic())
-    spread.assert_nothing_old_is_new()
+    listens = time.monotonic()
+    spread.wait_for_topics(listens)
     spread.wait_for_topics(time.monotonic() + TOLD_SECONDS)
+    return Event(killed, listens, spread.rig.log("router.log"))
+
+
+def test_sensors_that_are_cut_off_come_back_and_the_rest_goes_on(
+    spread: Spread, sensors_cut: Event
+) -> None:
+    spread.assert_topics_are_back(sensors_cut.over)
+    near = spread.seen("/wheel_encoders", sensors_cut.begun)
+    assert np.diff(near).max() < STALL_SECONDS, "who was not cut off goes on"
+    spread.assert_nothing_old_is_new()
+
+
+def test_ros_that_is_cut_off_comes_back_and_only_it_went(spread: Spread, ros_cut: Event) -> None:
+    spread.assert_topics_are_back(ros_cut.over)
+    spread.assert_nothing_old_is_new()
+    left = [line for line in ros_cut.router_said.splitlines() if " left" in line]
+    assert not [line for line in left if "gateway" not in line]
+
+
+def test_router_restart_is_survived(spread: Spread, router_killed: Event) -> None:
+    spread.assert_topics_are_back(router_killed.over)
+    spread.assert_nothing_old_is_new()
 
 
 @pytest.fixture(scope="module")
-def recorded(spread: Spread) -> RunSummary:
+def recorded(spread: Spread, router_killed: Event) -> RunSummary:
     """What the recorder beside physics has of all that, now that all processes have ended."""
     spread.rig.stop()
     with Recording(spread.rig.folder / "run.mcap") as recording:
