@@ -16,12 +16,14 @@ import msgspec
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import process_names, sensor_outputs
+from groundlink.core.clock import NANOS
 from groundlink.loader import load
 from groundlink.messages.base import BusMessage, M, decode, measured_nanos
 
 from .rig import Rig, rig, wait_for
 
-UNTIL_NANOS = 10_000_000_000
+SECONDS = 5
+UNTIL_NANOS = SECONDS * NANOS
 RUN = "every_sensor"
 HEARD = "heard.json"
 TIMEOUT_SECONDS = 100.0
