@@ -187,6 +187,22 @@ def fill(message: Any, fields: dict[str, Any]) -> None:
 
 def rosbridge(options: argparse.Namespace) -> None:
     """Run an unchanged rosbridge; only its publishers report their calls."""
+    port = _prepare_server()
+    sys.argv = [options.program, "--address", "127.0.0.1", "--port", str(port)]
+    sys.argv += ["--max_message_size", str(1 << 27)]  # it refuses more than 10 MB otherwise
+    runpy.run_path(options.program, run_name="__main__")
+
+
+def ros_tcp_endpoint(options: argparse.Namespace) -> None:
+    """Run an unchanged ROS-TCP-Endpoint from its folder; only its publishers report their calls."""
+    port = _prepare_server()
+    sys.path.insert(0, options.program)
+    sys.argv = ["endpoint", "--ros-args", "-p", "ROS_IP:=127.0.0.1", "-p", f"ROS_TCP_PORT:={port}"]
+    runpy.run_module("ros_tcp_endpoint.default_server_endpoint", run_name="__main__")
+
+
+def _prepare_server() -> int:
+    """Let a node of others report its calls of `publish`; return the port that it is to serve."""
     from udp_bridge_ros2 import environment
 
     environment.apply_defaults(os.environ)
@@ -200,12 +216,10 @@ def rosbridge(options: argparse.Namespace) -> None:
 
     setattr(Node, "create_publisher", create_reporting)  # noqa: B010
     with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
+        port: int = free.getsockname()[1]
     threading.Thread(target=_report_server, args=[port], daemon=True).start()
     sys.stdout = sys.stderr  # for what it has to say itself
-    sys.argv = [options.program, "--address", "127.0.0.1", "--port", str(port)]
-    sys.argv += ["--max_message_size", str(1 << 27)]  # it refuses more than 10 MB otherwise
-    runpy.run_path(options.program, run_name="__main__")
+    return port
 
 
 def _report_server(port: int) -> None:
@@ -226,7 +240,8 @@ def compute() -> None:
 
 
 RECEIVERS_BY_NAME = {
-    way.__name__: way for way in (node, library, tcp, ros_sharp, rosbridge, plain, callback)
+    way.__name__: way
+    for way in (node, library, tcp, ros_sharp, rosbridge, ros_tcp_endpoint, plain, callback)
 }
 
 if __name__ == "__main__":

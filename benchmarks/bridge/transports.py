@@ -16,7 +16,7 @@ from typing import Protocol
 
 from websockets.sync.client import connect
 
-from .images import IMAGE_HEAD_BYTES, image_cdr, random_pixels
+from .images import IMAGE_HEAD_BYTES, TOPIC, image_cdr, random_pixels
 from .processes import LineProcess, python
 
 HERE = Path(__file__).parent
@@ -169,3 +169,39 @@ class Rosbridge(RosSharp):
 
     def __init__(self, program: Path) -> None:
         super().__init__("rosbridge", f"--program={program}")
+
+
+class RosTcpEndpoint:
+    """A real ROS-TCP-Endpoint, and its client as Unity's ROS-TCP-Connector.
+
+    A message is a topic and a body, each after its length as uint32. Topics that begin with `__`
+    are commands, whose body is JSON that ends with a NUL. What the endpoint sends is not read.
+    """
+
+    name = "TCP-Endpoint"
+    began_nanos = 0
+
+    def __init__(self, folder: Path) -> None:
+        self._receiver = python(RECEIVERS, "ros_tcp_endpoint", f"--program={folder}")
+        self._socket = socket.create_connection((LOCALHOST, self._receiver.number()))
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        command = {"topic": TOPIC, "message_name": "sensor_msgs/Image"}
+        self._write("__publish", json.dumps(command).encode() + b"\0")
+
+    def send(self, size: int) -> float:
+        """See `Transport`."""
+        body = image_cdr(size)
+        self.began_nanos = time.monotonic_ns()
+        self._write(TOPIC, body)
+        return (self._receiver.number() - self.began_nanos) / 1e6
+
+    def _write(self, topic: str, body: bytes) -> None:
+        name = topic.encode()
+        head = struct.pack(f"<I{len(name)}sI", len(name), name, len(body))
+        sent = self._socket.sendmsg([head, body])
+        self._socket.sendall(memoryview(body)[sent - len(head) :])
+
+    def close(self) -> None:
+        """See `Transport`."""
+        self._socket.close()
+        self._receiver.close()
