@@ -19,6 +19,7 @@ import struct
 import sys
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 from udp_bridge import Link, Message
@@ -36,6 +37,13 @@ def report(number: int) -> None:
     os.write(1, b"%d\n" % number)
 
 
+def reported(publish: Callable[[Any], object], message: Any) -> None:
+    """Publish a message and report when."""
+    nanos = time.monotonic_ns()
+    publish(message)
+    report(nanos)
+
+
 class Publisher:
     """A publisher that reports when it is called."""
 
@@ -44,9 +52,7 @@ class Publisher:
 
     def publish(self, message: Any) -> None:
         """Publish a message, or its bytes, and report when."""
-        nanos = time.monotonic_ns()
-        self._publisher.publish(message)
-        report(nanos)
+        reported(self._publisher.publish, message)
 
 
 def plain_node(name: str) -> tuple[Any, Any, Any]:
@@ -96,17 +102,21 @@ def node(_: argparse.Namespace) -> None:
     """Run the unchanged ROS 2 node; only its publishers report their calls."""
     from udp_bridge_ros2 import __main__ as start
     from udp_bridge_ros2 import node as module
+    from udp_bridge_ros2 import topics
 
     class ReportingNode(module.Ros2Node):
         def __init__(self, **options: Any) -> None:
             super().__init__(**options)
             print(self._bridge.link.address[1], flush=True)
 
-        def create_publisher(self, *given: Any, **more: Any) -> Any:
-            publisher = super().create_publisher(*given, **more)
-            return Publisher(publisher) if given[1] == TOPIC else publisher
+    serialized_publish = topics.serialized_publish
+
+    def reporting_publish(publisher: Any) -> Callable[[memoryview], None]:
+        publish = serialized_publish(publisher)
+        return lambda body: reported(publish, body)
 
     setattr(module, "Ros2Node", ReportingNode)  # noqa: B010
+    setattr(topics, "serialized_publish", reporting_publish)  # noqa: B010
     sys.exit(start.main(["--bind", "127.0.0.1:0"]))
 
 

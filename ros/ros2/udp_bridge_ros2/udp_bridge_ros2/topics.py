@@ -15,6 +15,7 @@ from udp_bridge.node.publish_queue import Publication
 from udp_bridge.node.subscriptions import RosSample, Subscription, stamped_sample
 
 from . import qos as qos_profiles
+from .serialized import serialized_publish
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -46,16 +47,13 @@ class Ros2Publishers:
             qos_overriding_options=qos_profiles.OVERRIDES,
         )
 
-        def publish(body: Buffer) -> None:
-            publisher.publish(bytes(body))  # the only copy; rclpy accepts only bytes
-
         def publish_prefixed(body: Buffer) -> None:
             message = deserialize_message(bytes(body), ros_class)
             prefix_frames(message, self._frame_prefix)
             publisher.publish(message)
 
         return Publication(
-            publish_prefixed if self._frame_prefix else publish,
+            publish_prefixed if self._frame_prefix else serialized_publish(publisher),
             lambda: self._node.destroy_publisher(publisher),
         )
 
