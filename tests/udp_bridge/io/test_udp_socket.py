@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Native and portable batches do the same, over real sockets."""
 
+import array
+import contextlib
 import random
 import socket
 import struct
 from collections.abc import Iterable, Iterator
+from functools import partial
 
 import pytest
 
@@ -50,6 +53,31 @@ def parts_of(size: int, seq_number: int = 0, topic: str = "/points") -> Parts:
 
 def whole(parts: Parts) -> list[bytes]:
     return [head + bytes(part) for head, part in Parts(parts.packed, parts.body, parts.cut)]
+
+
+@pytest.mark.parametrize("batches", BATCHES)
+def test_a_small_message_is_sent_under_its_number_and_stamp(batches: type, pair: Pair) -> None:
+    one, two = pair
+    header = Header(2, 9, 0, 1, 8, 7, "/imu", "imu_link")
+    send = partial(batches().small_sender(one), two.getsockname(), header.pack(), 800)
+    for number, stamp, body in [
+        (0, 1, b""),
+        (2**32 - 1, -1, array.array("d", [0.5] * 100)),
+        (5, 2**31 * 10**9 - 1, memoryview(b"x" * 800)),
+        (6, -(2**31) * 10**9, bytearray(b"y")),
+    ]:
+        sec, nsec = divmod(stamp, 10**9)
+        assert send(number, stamp, body) == memoryview(body).nbytes
+        sent = header._replace(seq_number=number, time_sec=sec, time_nsec=nsec).pack()
+        assert two.recv(2000) == sent + bytes(memoryview(body).cast("B"))
+    for stamp, body in [(1, bytes(801)), (2**31 * 10**9, b""), (-(2**31) * 10**9 - 1, b"")]:
+        assert send(0, stamp, body) == -1
+    for stamp, body in [(1, "text"), (1, memoryview(bytes(8))[::2]), (2**70, b"")]:
+        with contextlib.suppress(TypeError, ValueError, OverflowError, BufferError):
+            assert send(0, stamp, body) == -1
+    two.setblocking(False)
+    with pytest.raises(BlockingIOError):
+        two.recv(1)
 
 
 def place(

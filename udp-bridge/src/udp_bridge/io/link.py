@@ -17,7 +17,13 @@ from udp_bridge.receiver.limits import Limits
 from udp_bridge.sender.delivery_counts import DeliveryCounts
 from udp_bridge.sender.flow_control import REQUEST_NANOS
 from udp_bridge.sender.repair import Mode, RepairTable, check_table
-from udp_bridge.sender.send_queue import OutgoingDatagram, QueueLimits, SendQueue, take_in_turn
+from udp_bridge.sender.send_queue import (
+    OutgoingDatagram,
+    QueueLimits,
+    SendQueue,
+    SendSmall,
+    take_in_turn,
+)
 from udp_bridge.wire.address_validation import AddressChallenge, AddressResponse
 from udp_bridge.wire.control import TopicReport
 from udp_bridge.wire.fragments import DatagramSize, check_datagram_size
@@ -129,6 +135,7 @@ class Link:
             socket = guard(UdpSocket(bind, receive_buffer=receive_buffer, wait_s=_WAIT_S), numeric)
             self._trust = getattr(socket, "trust", self._trust)
         self._socket = socket
+        self._send_small: Optional[SendSmall] = getattr(socket, "send_small", None)
         self._send_batch: Any = getattr(socket, "send_batch", None)
         self._batch_bytes = _BATCH_BYTES if self._send_batch is not None else 0
         self._mailbox = mailbox_for(getattr(socket, "credit_store", None), self._sent)
@@ -205,8 +212,14 @@ class Link:
             queue = self._queues_by_name.get(to) or self._queue_for(to)
             datagram = None
             if not self._is_sending:
-                fields = (msg_type, topic, link, stamp_nanos, body)
-                datagram = queue.take_small_directly(*fields) or self._take_large(queue, *fields)
+                if self._send_small is not None:
+                    size = queue.send_small_directly(
+                        self._send_small, msg_type, topic, link, stamp_nanos, body
+                    )
+                    if size:
+                        self._count_sent(size, 1, is_last=True)
+                        return
+                datagram = self._take_large(queue, msg_type, topic, link, stamp_nanos, body)
             if datagram is not None:
                 self._is_sending = True
             else:

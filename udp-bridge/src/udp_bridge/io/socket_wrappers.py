@@ -83,7 +83,7 @@ class PeerFilter(SocketWrapper):
         super().__init__(inner)
         self._peers = _Peers(peers)
         self._receive_inner = inner.receive_batch
-        self.send_batch = inner.send_batch
+        self.send_small, self.send_batch = inner.send_small, inner.send_batch
         self.credit_store = inner.credit_store
         if self.credit_store is not None:
             self.credit_store.peers = self._peers

@@ -12,12 +12,13 @@ import errno
 import socket
 import struct
 import sys
+from functools import partial
 from typing import Callable, List, Optional, Protocol, Sequence, Tuple, Union
 
 from udp_bridge.receiver.receive_slots import CreditState, PartBatch, ReceiveSlots
-from udp_bridge.sender.send_queue import OutgoingBatch
-from udp_bridge.wire.fragments import datagram_of
-from udp_bridge.wire.header import PART_NUMBER_OFFSET, Buffer
+from udp_bridge.sender.send_queue import OutgoingBatch, SendSmall
+from udp_bridge.wire.fragments import datagram_of, flat
+from udp_bridge.wire.header import PART_NUMBER_OFFSET, Buffer, is_stamp, restamped
 from udp_bridge.wire.message import Address
 
 from .credit_mailbox import CreditStore
@@ -93,6 +94,10 @@ class NativeBatches:
             self.drops = drops
         return tuple.__new__(PartBatch, batch), error  # faster than `PartBatch._make`
 
+    def small_sender(self, source: socket.socket) -> SendSmall:
+        """Return a function that sends messages of one part."""
+        return partial(batch_io.send_small, source.fileno())
+
     def send(
         self, source: socket.socket, batch: OutgoingBatch, to: Address, retry: RetryPolicy
     ) -> int:
@@ -152,6 +157,24 @@ class PortableBatches:
             unmatched = b"".join((head, slot, memoryview(self._rest)[:beyond]))[:size]
         return PartBatch(b"", (), 0, 0, credits.uncredited_bytes, unmatched, sender), 0
 
+    def small_sender(self, source: socket.socket) -> SendSmall:
+        """Return a function that sends messages of one part."""
+
+        def send(
+            to: Address, packed: bytes, most: int, number: int, stamp_nanos: int, body: Buffer
+        ) -> int:
+            view = flat(body)
+            if view.nbytes > most or not is_stamp(stamp_nanos):
+                return -1
+            try:
+                datagram = restamped(packed, number, stamp_nanos), view
+                source.sendmsg(datagram, [], socket.MSG_DONTWAIT, to)
+            except OSError:
+                return -1
+            return view.nbytes
+
+        return send
+
     def send(
         self, source: socket.socket, batch: OutgoingBatch, to: Address, retry: RetryPolicy
     ) -> int:
@@ -199,6 +222,8 @@ class UdpSocket:
             self._socket.close()
             why = error.strerror or error
             raise OSError(error.errno, f"can't bind to {bind[0]}:{bind[1]}: {why}") from None
+        self.send_small = self._batches.small_sender(self._socket)
+        """See `sender.send_queue.SendSmall`."""
         self.address: Address = self._socket.getsockname()
         self.receive_buffer: int = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
         """Bytes of the receive buffer that the kernel granted, in kernel bytes."""

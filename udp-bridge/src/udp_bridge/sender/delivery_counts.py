@@ -157,6 +157,11 @@ class DeliveryCounter:
         self._topics: OrderedDict[TopicKey, _TopicCounter] = OrderedDict()
         self._is_reported = False  # A receiver may send no reports: nothing is missing then.
 
+    def upcoming(self, key: TopicKey) -> int:
+        """Return what `next_number` will return."""
+        counter = self._topics.get(key)
+        return counter.sent % self._modulus if counter is not None else 0
+
     def next_number(self, key: TopicKey, stamp_nanos: int, size: int) -> int:
         """Count a message with a body of `size` bytes; return its seq_number."""
         counter = self._topics.get(key) or self._add(key, stamp_nanos)

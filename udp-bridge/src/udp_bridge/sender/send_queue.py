@@ -8,7 +8,7 @@ sequence number when it is sent, so a superseded message leaves no gap. No socke
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from typing import Deque, Dict, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Callable, Deque, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from udp_bridge.wire.control import CreditRequest
 from udp_bridge.wire.fragments import (
@@ -38,6 +38,9 @@ MAX_TEMPLATES = 1024
 
 QueueLimits = Mapping[TopicKey, int]
 """Body bytes of a topic's large messages that may wait; only the newest one of other topics."""
+SendSmall = Callable[[Address, bytes, int, int, int, Buffer], int]
+"""Sends a message of one part at once, or not at all: destination, header of part 0, most bytes of
+the body, seq_number, stamp, body. Returns the bytes of the body, or -1."""
 _LinkKey = Tuple[int, str, str]
 """msg_type, topic and link."""
 
@@ -217,25 +220,36 @@ class SendQueue:
             self.delivery.superseded(old)
         self.superseded += len(superseded)
 
-    def take_small_directly(
-        self, msg_type: int, topic: str, link: str, stamp_nanos: int, body: Buffer
-    ) -> Optional[OutgoingDatagram]:
+    def send_small_directly(
+        self,
+        send: SendSmall,
+        msg_type: int,
+        topic: str,
+        link: str,
+        stamp_nanos: int,
+        body: Buffer,
+    ) -> int:
         """Do `put` and `take` in one step for a small message that has nothing to wait for.
 
-        Only number and stamp of its topic's template change. None means that `put` must be used,
-        which also validates: the message may be the first of its topic, be large, have a repair
-        mode, or be invalid.
+        Only number and stamp of its topic's template change. Returns the bytes of the datagram that
+        `send` has sent, or 0 if `put` must be used, which also validates: the message may be the
+        first of its topic, be large, have a repair mode, or be invalid.
         """
         template = self._templates.get((msg_type, topic, link))
         if template is None or self._small or self._repair_datagrams:
-            return None
+            return 0
         packed, _, cut, _ = template
-        view = flat(body)
-        size = view.nbytes
-        if cut.parts_max != 1 or size > cut.part_size or not is_stamp(stamp_nanos):
-            return None
-        number = self.delivery.next_number((msg_type, topic), stamp_nanos, size)
-        return OutgoingDatagram(restamped(packed, number, stamp_nanos), view, self.to, True)
+        if cut.parts_max != 1:
+            return 0
+        number = self.delivery.upcoming((msg_type, topic))
+        try:
+            size = send(self.to, packed, cut.part_size, number, stamp_nanos, body)
+        except (TypeError, ValueError, OverflowError, BufferError):
+            return 0
+        if size < 0:
+            return 0
+        self.delivery.next_number((msg_type, topic), stamp_nanos, size)
+        return len(packed) + size
 
     def take_large_directly(
         self,

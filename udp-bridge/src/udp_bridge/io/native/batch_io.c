@@ -82,7 +82,46 @@ PyObject *send_parts(PyObject *self, PyObject *args)
     return is_right ? Py_BuildValue("ii", sent, error) : NULL;
 }
 
+// send_small(fd, (host, port), header of part 0, most, seq_number, stamp in ns, body) -> body bytes
+//
+// Sends a message of one part of at most `most` bytes under this number and stamp, without waiting:
+// releasing the interpreter would take longer. -1: it was not sent.
+PyObject *send_small(PyObject *self, PyObject *args)
+{
+    int fd, port;
+    const char *host;
+    unsigned int seq_number;
+    long long stamp;
+    Py_ssize_t most;
+    Py_buffer packed, body;
+    unsigned char head[HEADER_ROOM];
+    struct sockaddr_in to;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "i(si)y*nILy*", &fd, &host, &port, &packed, &most, &seq_number,
+                          &stamp, &body))
+        return NULL;
+    Py_ssize_t sent = -1, size = packed.len + body.len;
+    long long nsec = (stamp % NANOS + NANOS) % NANOS, sec = (stamp - nsec) / NANOS;
+    int is_header = packed.len >= HEADER_MIN && packed.len < HEADER_ROOM;
+    if (!is_header) PyErr_SetString(PyExc_ValueError, "this is no header");
+    if (is_header && to_address(host, port, &to) && body.len <= most && sec == (int32_t)sec) {
+        memcpy(head, packed.buf, packed.len);
+        put_u32(head + SEQ_NUMBER, seq_number);
+        put_u32(head + TIME, (uint32_t)sec);
+        put_u32(head + TIME_NSEC, (uint32_t)nsec);
+        struct iovec io[2] = {{head, packed.len}, {body.buf, body.len}};
+        struct msghdr message = {.msg_name = &to, .msg_namelen = sizeof to, .msg_iov = io,
+                                 .msg_iovlen = 2};
+        sent = sendmsg(fd, &message, MSG_DONTWAIT);
+    }
+    size = sent == size ? body.len : -1;
+    PyBuffer_Release(&packed);
+    PyBuffer_Release(&body);
+    return PyErr_Occurred() ? NULL : PyLong_FromSsize_t(size);
+}
+
 static PyMethodDef methods[] = {
+    {"send_small", send_small, METH_VARARGS, "Send a message of one part."},
     {"send", send_parts, METH_VARARGS, "Send parts of a message."},
     {"receive", receive, METH_VARARGS, "Receive predicted parts, and one other datagram."},
     {"mailbox", make_mailbox, METH_NOARGS, "Return the memory of a mailbox."},

@@ -127,6 +127,7 @@ int keep_credit(struct part_batch *batch, const unsigned char *head, Py_ssize_t 
 
 // Functions of the module; arguments and results are documented at the definitions.
 PyObject *send_parts(PyObject *self, PyObject *args);
+PyObject *send_small(PyObject *self, PyObject *args);
 PyObject *receive(PyObject *self, PyObject *args);
 PyObject *make_mailbox(PyObject *self, PyObject *args);
 PyObject *keep(PyObject *self, PyObject *args);
