@@ -15,13 +15,14 @@ import zlib
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from groundlink.core.clock import NANOS
 from groundlink.emulation.settings import Impairment
 from udp_bridge import Message
 from udp_bridge.sender.repair import Fec, Mode, parse_mode
 from udp_bridge.wire.fec import repair_count
 from udp_bridge.wire.fragments import DatagramSize, plan
 
-from .virtual_link import LINK, MSG_TYPE, NANOS, TOPIC, VirtualLink
+from .symmetric_link import LINK, MSG_TYPE, TOPIC, SymmetricLink
 
 PERIOD_NANOS = NANOS // 10
 SIGMAS = 4.0
@@ -87,7 +88,7 @@ class Outcome(NamedTuple):
 
 
 def deliver(
-    link: VirtualLink, messages: int, body_size: int, rng: random.Random, limit_nanos: int
+    link: SymmetricLink, messages: int, body_size: int, rng: random.Random, limit_nanos: int
 ) -> Outcome:
     """Send messages of random bytes and return what came of them."""
     sent = {}
@@ -111,7 +112,7 @@ def deliver(
 def run(cell: Cell, messages: int, *, seed: int) -> Outcome:
     """Run one cell of the matrix; each has a seed of its own, made of `seed` and the cell."""
     own = zlib.crc32(f"{seed} {'-'.join(map(str, cell))}".encode())
-    link = VirtualLink(cell.impairment, seed=own, datagram=cell.datagram, mode=mode_of(cell.mode))
+    link = SymmetricLink(cell.impairment, seed=own, datagram=cell.datagram, mode=mode_of(cell.mode))
     return deliver(link, messages, cell.body_size, random.Random(own), LIMIT_NANOS)
 
 

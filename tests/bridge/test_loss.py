@@ -25,7 +25,8 @@ from benchmarks.loss.__main__ import (
     run,
     verdict,
 )
-from benchmarks.loss.virtual_link import NANOS, VirtualLink
+from benchmarks.loss.symmetric_link import SymmetricLink
+from groundlink.core.clock import NANOS
 from groundlink.emulation.settings import Impairment
 from udp_bridge.wire.fragments import DatagramSize
 
@@ -104,7 +105,7 @@ def test_everything_at_once_changes_no_byte(mode: str) -> None:
         bit_errors=1e-7,
         rate_mbps=50,
     )
-    link = VirtualLink(worst, seed=SEED, mode=mode_of(mode))
+    link = SymmetricLink(worst, seed=SEED, mode=mode_of(mode))
     outcome = deliver(link, 300, 20_000, random.Random(SEED), LIMIT_NANOS)
     assert outcome.different == 0
     assert outcome.delivered > 200
@@ -126,7 +127,7 @@ def test_after_an_outage_the_newest_flow_and_no_backlog(
 ) -> None:
     need_code(mode)
     usual, outage = (Impairment(delay_ms=10, loss=loss, outage=is_out) for is_out in (False, True))
-    link = VirtualLink(usual, seed=SEED, datagram=datagram, mode=mode_of(mode))
+    link = SymmetricLink(usual, seed=SEED, datagram=datagram, mode=mode_of(mode))
     rng = random.Random(SEED)
     for tick in range(60):
         if tick in (20, 40):

@@ -8,15 +8,14 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from benchmarks.loss import virtual_link
-from benchmarks.loss.virtual_link import VirtualLink
+from benchmarks.loss.symmetric_link import SymmetricLink
 from groundlink.emulation.settings import Impairment
+from services.gateway.virtual_link import RECEIVER
 from udp_bridge import Message
 from udp_bridge.sender.send_queue import SendQueue
 
 MS = 1_000_000
 SECOND = 1000 * MS
-SENDER = virtual_link.SENDER
 
 Loss = Callable[[int], bool]
 """Told the time, says whether this datagram is lost."""
@@ -65,7 +64,7 @@ class Direction:
         return self._waiting.popleft() if due is not None and due <= now else None
 
 
-class Simulation(VirtualLink):
+class Simulation(SymmetricLink):
     """What happens, in the order in which it happens."""
 
     def __init__(
@@ -97,7 +96,7 @@ class Simulation(VirtualLink):
 
     def restart_sender(self) -> None:
         datagram, repair = self._options
-        self.queue = SendQueue(virtual_link.RECEIVER, datagram, repair=repair)
+        self.queue = SendQueue(RECEIVER, datagram, repair=repair)
 
     def at(self, when: int, what: Callable[[], None]) -> None:
         heapq.heappush(self._events, (when, next(self._order), what))

@@ -9,6 +9,7 @@ import random
 
 import pytest
 
+from services.gateway.virtual_link import SENDER
 from udp_bridge import Message
 from udp_bridge.receiver.reassembly import Reassembler
 from udp_bridge.sender.repair import Resend
@@ -16,7 +17,7 @@ from udp_bridge.wire.header import Header
 from udp_bridge.wire.message import Message as Whole
 from udp_bridge.wire.repair import Offer
 
-from .simulated import MS, SECOND, SENDER, Loss, Simulation, bursts, independent, no_loss
+from .simulated import MS, SECOND, Loss, Simulation, bursts, independent, no_loss
 
 LIMIT = 500 * MS
 REPAIR_TIME = 150 * MS

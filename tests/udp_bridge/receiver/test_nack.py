@@ -5,10 +5,10 @@ import random
 
 import pytest
 
+from services.gateway.virtual_link import SENDER
 from tests.udp_bridge.simulated import (
     MS,
     SECOND,
-    SENDER,
     Loss,
     Simulation,
     bursts,

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.udp_bridge.simulated import MS, SECOND, SENDER, Simulation, independent
+from services.gateway.virtual_link import SENDER
+from tests.udp_bridge.simulated import MS, SECOND, Simulation, independent
 from udp_bridge import MSG_TYPES, Message, fragments, parse
 from udp_bridge.receiver.assembly import OVERHEAD_BYTES
 from udp_bridge.receiver.reassembly import Reassembler

@@ -8,19 +8,19 @@ and its buffer overflows.
 
 from typing import NamedTuple
 
+from groundlink.core.clock import NANOS
 from groundlink.emulation.model import LinkDirection
-from groundlink.emulation.settings import Impairment
 from udp_bridge import Message
 from udp_bridge.receiver.inbox import Inbox
-from udp_bridge.sender.repair import Mode
-from udp_bridge.sender.send_queue import SendQueue
+from udp_bridge.sender.repair import RepairTable
+from udp_bridge.sender.send_queue import QueueLimits, SendQueue
+from udp_bridge.wire.control import LinkReport, TopicReport
+from udp_bridge.wire.control import parse as parse_control
 from udp_bridge.wire.fragments import DatagramSize
 from udp_bridge.wire.header import Header
 from udp_bridge.wire.message import Address, DatagramKey
 from udp_bridge.wire.repair import Request
 
-NANOS = 1_000_000_000
-MSG_TYPE, TOPIC, LINK = 1, "/points", "lidar"
 SENDER, RECEIVER = ("10.0.0.1", 7510), ("10.0.0.2", 7511)
 RECEIVE_BUFFER = 8 << 20
 _EXPIRY_NANOS = NANOS // 10
@@ -35,43 +35,47 @@ class Handed(NamedTuple):
 
 
 class VirtualLink:
-    """A sender, a receiver and a link with the same impairment both ways.
+    """A sender, a receiver and the link between them.
 
     Parameters
     ----------
-    mode
-        Repair mode; None for no repair.
+    now_nanos
+        time at the start.
+    there, back
+        directions from the sender to the receiver, and back.
+    datagram, repair, signed_peer, limits
+        as of `udp_bridge.Link`.
     """
 
     def __init__(
         self,
-        impairment: Impairment,
+        now_nanos: int,
+        there: LinkDirection[None],
+        back: LinkDirection[None],
         *,
-        seed: int,
         datagram: DatagramSize = "mtu",
-        mode: Mode | None = None,
+        repair: RepairTable | None = None,
+        signed_peer: bool = False,
+        limits: QueueLimits | None = None,
     ) -> None:
-        self.now_nanos = NANOS
+        self.now_nanos = now_nanos
         self.handed: list[Handed] = []
         self.sent_bytes = 0
         """Of the datagrams that the sender sent, headers included."""
-        self.there: LinkDirection[None] = LinkDirection(impairment, seed=seed, direction="there")
-        self.back: LinkDirection[None] = LinkDirection(impairment, seed=seed, direction="back")
-        table = {} if mode is None else {(MSG_TYPE, TOPIC): mode}
-        self.queue = SendQueue(RECEIVER, datagram, repair=table)
+        self.link_report: LinkReport | None = None
+        """Newest report of the receiver about all topics."""
+        self.there, self.back = there, back
+        self.queue = SendQueue(
+            RECEIVER, datagram, repair=repair, signed_peer=signed_peer, limits=limits
+        )
         self.receiver = Inbox(receive_buffer=RECEIVE_BUFFER, on_credit=lambda *_: None)
         self._sender = Inbox(
-            receive_buffer=RECEIVE_BUFFER, on_credit=self._credited, on_request=self._requested
+            receive_buffer=RECEIVE_BUFFER,
+            on_credit=self._credited,
+            on_request=self._requested,
+            on_report=self._reported,
         )
-        self._look_nanos = self.now_nanos
-
-    def send(self, body: bytes) -> None:
-        """Send a message stamped with the current time."""
-        self.queue.put(Message(MSG_TYPE, TOPIC, LINK, self.now_nanos, 0, body))
-
-    def impair(self, impairment: Impairment) -> None:
-        """Change the impairment of both directions."""
-        self.there.settings = self.back.settings = impairment
+        self._look_nanos = now_nanos
 
     def advance(self, nanos: int) -> None:
         """Advance the time and process all events that are due."""
@@ -88,6 +92,11 @@ class VirtualLink:
             self.now_nanos = next_nanos
             self._deliver()
 
+    def report(self) -> None:
+        """Let the receiver report what it has received, as it does once a second."""
+        for answer, _ in self.receiver.reports(self.now_nanos, self.now_nanos):
+            self.back.put(answer, None, self.now_nanos)
+
     def _next_nanos(self) -> int:
         wake = self.queue.next_wake(self.now_nanos)
         # A datagram that may not be sent now may not be sent later at the same instant either.
@@ -100,10 +109,14 @@ class VirtualLink:
         while (arrived := self.there.take(now)) is not None:
             self._take(arrived[1])
         while (arrived := self.back.take(now)) is not None:
-            self._sender.receive(memoryview(arrived[1]), RECEIVER, now)
+            message, _ = self._sender.receive(memoryview(arrived[1]), RECEIVER, now)
+            if message is not None:
+                report = parse_control(message.body)
+                self.link_report = report if isinstance(report, LinkReport) else self.link_report
         if now >= self._look_nanos:
             self._look_nanos = now + _EXPIRY_NANOS
             self.receiver.reassembler.expire(now)
+            self.receiver.update_logs()
 
     def _take(self, datagram: bytes) -> None:
         now = self.now_nanos
@@ -112,6 +125,7 @@ class VirtualLink:
         for answer, _ in answers if credit is None else [credit, *answers]:
             self.back.put(answer, None, now)
         if message is not None:
+            self.receiver.mark_published(message, SENDER, now)
             # The receiver may reuse a message's memory.
             self.handed.append(Handed(message._replace(body=bytes(message.body)), now))
 
@@ -120,3 +134,6 @@ class VirtualLink:
 
     def _requested(self, _: Address, header: Header, request: Request) -> None:
         self.queue.resender.requested(header, request, self.now_nanos)
+
+    def _reported(self, _: Address, topic: str, report: TopicReport, nanos: int) -> None:
+        self.queue.delivery.reported(topic, report, nanos)
