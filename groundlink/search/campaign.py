@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fault campaign: each fault of each sensor at several times, as cells of a matrix."""
+"""Fault campaign: each fault of each sensor at several times, over several links, as a matrix."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,8 @@ from typing import Any
 import msgspec
 
 from groundlink.core.errors import UserError, did_you_mean
+from groundlink.emulation.script import LinkScript
+from groundlink.emulation.settings import Impairment
 from groundlink.loader.document import parse
 from groundlink.loader.overrides import FieldChange
 from groundlink.scenario.every_sensor import SensorSpec
@@ -18,8 +20,14 @@ from groundlink.scenario.schema import Scenario, Vehicle
 
 from .point_journal import Values
 
-SENSOR, FAULT, PARAMETERS, BEGIN = "sensor", "fault", "parameters", "begin s"
-"""Columns that identify a cell."""
+SENSOR, FAULT, PARAMETERS, BEGIN, LINK = "sensor", "fault", "parameters", "begin s", "link"
+"""Columns that identify a cell. A campaign without links has no `LINK`."""
+
+NONE = "none"
+"""Value of `FAULT` and `LINK`: no fault, or a link without impairments."""
+
+LINK_FIELD = "gateway.link"
+"""Field of a scenario that has the link."""
 
 SIZES = {"m": 0.5, "m/s": 0.5, "m/s^2": 1.0, "rad": 0.2, "rad/s": 0.2, "ticks": 50.0}
 """Size of a typical bias by the unit of the quantity; also of a drift per second and of noise."""
@@ -29,7 +37,7 @@ OTHER_SIZE = 1.0
 
 
 @dataclass(frozen=True)
-class FaultCell:
+class SensorFault:
     """One fault of one sensor."""
 
     vehicle: str
@@ -37,21 +45,15 @@ class FaultCell:
     fault: Fault
 
     @property
-    def values(self) -> Values:
-        """What identifies the cell."""
-        fields = self._stated(self.fault)
-        parameters = [f"{k}: {v}" for k, v in fields.items() if k not in ("kind", "at_s")]
-        return {
-            SENSOR: f"{self.vehicle}/{self.sensor.name}",
-            FAULT: self.fault.kind,
-            PARAMETERS: ", ".join(parameters),
-            BEGIN: self.fault.at_s,
-        }
+    def name(self) -> str:
+        """The sensor as `vehicle/sensor`."""
+        return f"{self.vehicle}/{self.sensor.name}"
 
-    def __str__(self) -> str:
-        values = self.values
-        parameters = f" ({values[PARAMETERS]})" if values[PARAMETERS] else ""
-        return f"{values[SENSOR]} {values[FAULT]}{parameters} from {values[BEGIN]:g} s"
+    @property
+    def parameters(self) -> str:
+        """What the fault has besides its kind and begin."""
+        fields = self._stated(self.fault)
+        return ", ".join(f"{k}: {v}" for k, v in fields.items() if k not in ("kind", "at_s"))
 
     @property
     def change(self) -> FieldChange:
@@ -59,9 +61,82 @@ class FaultCell:
         faults = [self._stated(each) for each in (*self.sensor.faults, self.fault)]
         return FieldChange(f"vehicles.{self.vehicle}.sensors.{self.sensor.name}.faults", faults)
 
+    def __str__(self) -> str:
+        parameters = f" ({self.parameters})" if self.parameters else ""
+        return f"{self.name} {self.fault.kind}{parameters} from {self.fault.at_s:g} s"
+
     @staticmethod
     def _stated(fault: FaultSpec) -> dict[str, Any]:
         return {k: v for k, v in msgspec.to_builtins(fault).items() if v is not None}
+
+
+@dataclass(frozen=True)
+class LinkCondition:
+    """A link of all runs of a row."""
+
+    text: str
+    """As the user has given it."""
+
+    script: LinkScript
+    change: FieldChange
+    """The change of the scenario."""
+
+    def impairments(self, direction: str) -> list[str]:
+        """Return the impairments that a direction has at some time, by name of their field."""
+        initial = getattr(self.script, direction)
+        changes = [getattr(event, direction) for event in self.script.events]
+        return [
+            field.name
+            for field in msgspec.structs.fields(Impairment)
+            if getattr(initial, field.name) != field.default
+            or any(each.get(field.name, field.default) != field.default for each in changes)
+        ]
+
+
+@dataclass(frozen=True)
+class CampaignCell:
+    """A fault, a link, or both."""
+
+    fault: SensorFault | None
+    link: LinkCondition | None
+    """None in a campaign without links."""
+
+    @property
+    def values(self) -> Values:
+        """What identifies the cell."""
+        fault = self.fault
+        return {
+            SENSOR: fault.name if fault else None,
+            FAULT: fault.fault.kind if fault else NONE,
+            PARAMETERS: fault.parameters if fault else "",
+            BEGIN: fault.fault.at_s if fault else None,
+        } | ({LINK: self.link.text} if self.link else {})
+
+    @property
+    def changes(self) -> list[FieldChange]:
+        """The changes of the scenario."""
+        return [part.change for part in (self.fault, self.link) if part is not None]
+
+    def __str__(self) -> str:
+        words = [str(self.fault or "no fault")]
+        return ", ".join([*words, f"link {self.link.text}"] if self.link else words)
+
+
+def link_condition(text: str) -> LinkCondition:
+    """Return the link of an argument of `--link`.
+
+    Raises
+    ------
+    UserError
+        when it is neither `none` nor a link as a scenario has it.
+    """
+    try:
+        given = parse("{}" if text == NONE else text, Path("--link")).value
+        script = msgspec.convert(given, LinkScript)
+    except (UserError, msgspec.ValidationError) as error:
+        problem = str(error)
+        raise UserError(f"--link {text}: {problem[:1].lower()}{problem[1:]}") from None
+    return LinkCondition(text, script, FieldChange(LINK_FIELD, given))
 
 
 def cells(
@@ -71,8 +146,9 @@ def cells(
     faults: Sequence[str],
     begins_s: Sequence[float],
     for_s: float | None,
-) -> list[FaultCell]:
-    """Return the cells of a campaign; a sensor has those faults that its kind can have.
+    links: Sequence[str] = (),
+) -> list[CampaignCell]:
+    """Return the cells of a campaign: each fault over each link, but for none of both.
 
     Parameters
     ----------
@@ -81,36 +157,66 @@ def cells(
     sensors
         names such as `rover/imu`; none: all.
     faults
-        kinds, or faults as a scenario has them, in braces; none: all kinds.
+        kinds, or faults as a scenario has them, in braces, or `none`; none: all kinds, and with
+        links also `none`.
     begins_s
         sim times at which a fault begins.
     for_s
         duration of each fault; None: to the end.
+    links
+        links as a scenario has them, in braces, or `none`.
 
     Raises
     ------
     UserError
-        if there is no such sensor or fault, or none of the sensors can have a fault.
+        if there is no such sensor or fault, none of the sensors can have a fault, or a link is
+        invalid.
     """
+    over: Sequence[LinkCondition | None] = [
+        link_condition(text) for text in dict.fromkeys(links)
+    ] or [None]
+    chosen: list[SensorFault | None] = []
+    if NONE in faults or (links and not faults):
+        chosen.append(None)
+    if kinds := [text for text in faults if text != NONE] or ([] if faults else KINDS):
+        chosen += _sensor_faults(scenario, sensors, kinds, begins_s, for_s, are_all=not faults)
+    return [
+        CampaignCell(fault, link)
+        for fault in chosen
+        for link in over
+        if fault is not None or (link is not None and link.text != NONE)
+    ]
+
+
+def _sensor_faults(
+    scenario: Scenario,
+    sensors: Sequence[str],
+    faults: Iterable[str],
+    begins_s: Sequence[float],
+    for_s: float | None,
+    *,
+    are_all: bool,
+) -> list[SensorFault]:
+    """Return those faults that the kinds of the sensors can have."""
     known = [f"{v.name}/{s.name}" for v in scenario.vehicles for s in v.sensors]
     for name in sensors:
         if name not in known:
             raise UserError(f"--sensors {name}: no such sensor; {did_you_mean(name, known)}")
-    found: list[FaultCell] = []
-    for text in faults or KINDS:
+    found: list[SensorFault] = []
+    for text in faults:
         of_fault = [
-            FaultCell(vehicle.name, spec, msgspec.structs.replace(fault, at_s=at_s, for_s=for_s))
+            SensorFault(vehicle.name, spec, msgspec.structs.replace(fault, at_s=at_s, for_s=for_s))
             for vehicle in scenario.vehicles
             for spec in vehicle.sensors
             if not sensors or f"{vehicle.name}/{spec.name}" in sensors
             for fault in _suitable(text, spec, vehicle)
             for at_s in begins_s
         ]
-        if faults and not of_fault:
+        if not are_all and not of_fault:
             raise UserError(f"--fault {text}: none of the sensors can have it")
         found += of_fault
     order = {name: number for number, name in enumerate(known)}
-    return sorted(found, key=lambda cell: order[cell.values[SENSOR]])
+    return sorted(found, key=lambda each: order[each.name])
 
 
 def _suitable(text: str, spec: SensorSpec, vehicle: Vehicle) -> Iterator[Fault]:

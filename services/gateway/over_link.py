@@ -11,7 +11,7 @@ import argparse
 import heapq
 import math
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import count
 from pathlib import Path
 from typing import NamedTuple
@@ -202,6 +202,7 @@ class RecordedLink:
         nanos = self._next_nanos
         self._next_nanos += PERIOD_NANOS
         self._link.report()
+        self._link.advance(0)  # without a delay the report is there at once
         for message in self._latched.values():
             self._link.queue.put(message)
         self._reports.link = self._link.link_report
@@ -218,11 +219,17 @@ class RecordedLink:
         )
 
 
-def write_over_link(recording: Recording, script: LinkScript, out: Path) -> None:
-    """Write a recording as ROS receives it to a new file.
+def write_over_link(
+    recording: Recording,
+    script: LinkScript,
+    out: Path,
+    show: Callable[[float], object] = lambda share: None,
+) -> None:
+    """Write a recording as ROS receives it to a new file; `show` gets the share that is done.
 
     Its journal is left out: a run that repeats it would give other log times.
     """
+    first, span = recording.first_nanos, max(recording.last_nanos - recording.first_nanos, 1)
     file = RosFile(out)
     try:
         file.mcap.add_metadata(metadata.RUN_RECORD, metadata.run_entries(recording.run))
@@ -234,6 +241,7 @@ def write_over_link(recording: Recording, script: LinkScript, out: Path) -> None
             written.write(message.nanos, memoryview(message.cdr))
             if number % COMMIT_MESSAGES == 0:
                 file.commit(rates)
+                show((message.nanos - first) / span)
         file.lacks(recording.dropped)
         if recording.end_nanos is not None:
             file.end(recording.end_nanos)
@@ -243,7 +251,7 @@ def write_over_link(recording: Recording, script: LinkScript, out: Path) -> None
 
 
 def main(arguments: Sequence[str], stop: threading.Event) -> None:
-    """Replace a recording by what ROS receives over the emulated link of its scenario."""
+    """Replace a recording by what ROS receives over its emulated link; print shares done."""
     parser = argparse.ArgumentParser(
         prog=GATEWAY, description="Send a recorded run over its emulated link, in virtual time."
     )
@@ -251,7 +259,9 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     options = parser.parse_args(arguments)
     with Recording(options.recording) as recording, write_atomically(options.recording) as part:
         script = recording.run.scenario.gateway.link
-        write_over_link(recording, script or LinkScript(), part)
+        write_over_link(
+            recording, script or LinkScript(), part, lambda share: print(share, flush=True)
+        )
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A search finds a planted bug of a program, also if it is killed in between."""
+"""A search finds a planted bug, also if it is killed; a campaign judges what ROS receives."""
 
 import json
 import os
@@ -104,3 +104,33 @@ def test_killed_search_finds_the_bug_without_losing_or_repeating_a_point(tmp_pat
     line, code = check_recording(check, out / "minimal.mcap")
     assert code == 1
     assert line == rows[-1]["outcome"]["text"]
+
+
+LOSSY = "{seed: 5, to_ros: {loss: 0.2, delay_ms: 10}}"
+EXPECT = """
+gateway: {datagram: mtu}
+expect:
+  - {kind: rate, topic: /wheel_encoders, at_least_hz: 45}
+  - {kind: age, topic: /wheel_encoders, at_most_ms: 15}
+"""
+
+
+def test_campaign_over_links_judges_what_ros_receives_and_repeats(tmp_path: Path) -> None:
+    scenario = tmp_path / "hall.yaml"
+    scenario.write_text(SCENARIO + EXPECT)
+    words = ["campaign", str(scenario), "--duration", "2.5", "--fault", "none", "--fault", "delay"]
+    words += ["--phases", "0.5", "--link", "none", "--link", LOSSY, "--jobs", "2"]
+    tables = []
+    for name in ("one", "two"):
+        assert groundlink([*words, "--out", str(tmp_path / name)]) == 1
+        tables.append((tmp_path / name / "points.csv").read_text())
+    assert tables[0] == tables[1]
+    journal = (tmp_path / "one" / "journal.jsonl").read_text().splitlines()[1:]
+    rows = sorted(map(json.loads, journal), key=lambda row: (row["stage"], row["number"]))
+    verdicts = [(r["outcome"]["verdict"], r["outcome"]["text"].split("; ")[-1]) for r in rows]
+    assert verdicts[-1] == ("passed", "-"), "the scenario over a perfect link"
+    assert verdicts[:-1] == [
+        ("failed", "expected at least 45 Hz"),
+        ("failed", "expected at most 15 ms"),
+        ("failed", "expected at least 45 Hz"),
+    ]

@@ -39,10 +39,13 @@ def record_case(scenario: str, case: Case, recording: Path, duration: str | None
     return exit_code(words, stdout=subprocess.DEVNULL)
 
 
-def record_command(scenario: str, case: Case, recording: Path, duration: str | None) -> list[str]:
+def record_command(
+    scenario: str, case: Case, recording: Path, duration: str | None, *, over_link: bool = False
+) -> list[str]:
     """Return the command line that records a case, as `record_case` takes it."""
     words = ["record", scenario, "--out", str(recording), "--listen", free_endpoint()]
     words += ["--duration", duration] if duration else []
+    words += ["--over-link"] if over_link else []
     words += [word for change in case for word in ("--set", change.text)]
     return [sys.executable, "-m", "groundlink", *words]
 

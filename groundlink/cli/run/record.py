@@ -7,6 +7,8 @@ Starts physics, sensors, drivers and the recorder, without ROS. The summary is r
 from __future__ import annotations
 
 import argparse
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,6 +37,7 @@ from groundlink.messages.base import Health
 from groundlink.monitor import process_commands
 from groundlink.monitor.mission_monitor import MissionMonitor
 from groundlink.monitor.run_monitor import RATE_TOLERANCE, RunMonitor
+from groundlink.monitor.supervisor import end_with_parent
 
 from . import running, supervised
 from .dashboard import missions_table
@@ -69,6 +72,11 @@ def add_parser(subparsers: Subparsers) -> None:
         metavar="S",
         help="make a checkpoint every S seconds of sim time, for `groundlink seek`",
     )
+    parser.add_argument(
+        "--over-link",
+        action="store_true",
+        help="record what ROS would receive over the scenario's emulated link, in virtual time",
+    )
     running.add_arguments(parser, "scenario's", ros=False)
     overrides.add_argument(parser)
     add_json_option(parser)
@@ -88,6 +96,11 @@ def record(options: argparse.Namespace) -> int:
     out = Path(options.out)
     if not options.duration > 0:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
+    if options.over_link and scenario.gateway.link is None:
+        raise UserError(
+            f"--over-link: {options.scenario} has no emulated link. Fix: add --set "
+            "'gateway.link={}'"
+        )
     check_new_file("--out", out)
     check_junit(options)
     run = options.run or scenario.name
@@ -119,8 +132,27 @@ def record(options: argparse.Namespace) -> int:
     failed = supervised_run.go(lambda: recorder.is_done, lambda: shown)
     if failed:
         return supervised.exit_code(failed)
+    if options.over_link and out.exists() and (code := _sent_over_link(out)):
+        return code
     missions = supervised_run.missions.missions()
     return _verdict(console, options, monitor, missions)
+
+
+def _sent_over_link(recording: Path) -> int:
+    """Replace a recording by what ROS receives over its link; return the exit code."""
+    with (
+        progress("sending over the link") as done,
+        subprocess.Popen(
+            [sys.executable, "-m", "services.gateway.over_link", str(recording)],
+            stdout=subprocess.PIPE,
+            text=True,
+            preexec_fn=end_with_parent,
+        ) as process,
+    ):
+        assert process.stdout is not None
+        for share in process.stdout:
+            done(float(share))
+    return process.returncode
 
 
 _TOPICS = (

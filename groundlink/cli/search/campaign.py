@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`groundlink campaign SCENARIO --check COMMAND --out FOLDER`: check a stack under every fault.
 
-Each fault of each sensor at each time is a recording of its own. Results are a matrix of verdicts.
+Each fault of each sensor at each time, over each link, is a recording of its own. Results are a
+matrix of verdicts.
 """
 
 import argparse
@@ -10,28 +11,17 @@ from collections.abc import Sequence
 
 from groundlink.cli import Subparsers
 from groundlink.cli.run.running import load_scenario
-from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.json_output import print_json
 from groundlink.cli.terminal.progress import progress
-from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.loader.overrides import FieldChange
 from groundlink.scenario.schema import Scenario
 from groundlink.search.campaign import FAULT as KIND
-from groundlink.search.campaign import SENSOR, cells
+from groundlink.search.campaign import NONE, SENSOR, cells, link_condition
 from groundlink.search.point_journal import Values, key
 
-from .evaluation import EvaluationRequest
-from .point_processes import PointProcesses
-from .result_folder import (
-    add_arguments,
-    check_options,
-    identity,
-    opened_journal,
-    say_outcome,
-    unchanged_outcome,
-)
+from .result_folder import ResultFolder, add_arguments, check_options
 
 PAGE = "campaign.html"
 
@@ -73,18 +63,23 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--for", type=float, dest="seconds", metavar="S", help="length of a fault (default: rest)"
     )
+    parser.add_argument(
+        "--link",
+        action="append",
+        metavar="none|{...}",
+        default=[],
+        help="link to ROS as in a scenario, such as '{to_ros: {loss: 0.05}}', over which each "
+        "fault is repeated; recordings then have what ROS receives; repeatable (default: no link)",
+    )
     parser.set_defaults(command=campaign)
 
 
 def campaign(options: argparse.Namespace) -> int:
-    """Run all cells; return 1 if the check failed in one."""
+    """Run all cells; return 1 if one failed."""
     with needs("search"):
-        from groundlink.data.point_table import CSV, PARQUET, write_point_table
         from groundlink.report.page.campaign_page import CampaignSummary, campaign_page
 
     check_options(options)
-    if not options.check:
-        raise UserError("campaign: needs --check, a shell command that judges a recording")
     for begin_s in options.phases:
         if not 0 <= begin_s < options.duration:
             raise UserError(
@@ -94,54 +89,48 @@ def campaign(options: argparse.Namespace) -> int:
     if options.seconds is not None and not options.seconds > 0:
         raise UserError(f"--for {options.seconds:g}: expected seconds, more than 0")
     scenario = load_scenario(options.scenario)
+    if not (options.check or scenario.expect):
+        raise UserError(
+            f"campaign: needs --check, a shell command that judges a recording, or `expect` in "
+            f"{options.scenario}"
+        )
     chosen = cells(
         scenario,
         sensors=options.sensors,
         faults=options.fault,
         begins_s=options.phases,
         for_s=options.seconds,
+        links=options.link,
     )
-    determining = ("sensors", "fault", "phases", "seconds", "check", "duration")
-    with opened_journal(options.out, identity(options, scenario, *determining)) as journal:
-        changes = {key(cell.values): [cell.change] for cell in chosen}
-        request = EvaluationRequest(
-            options.scenario,
-            recording="",
-            duration=f"{options.duration:g}",
-            check=options.check,
-            only_check=True,
-        )
+    changes = {key(cell.values): cell.changes for cell in chosen}
+    unchanged = [link_condition(NONE).change] if options.link else []
 
-        def changes_of(values: Values) -> Sequence[FieldChange]:
-            return changes.get(key(values), ())
+    def changes_of(values: Values) -> Sequence[FieldChange]:
+        return changes.get(key(values), unchanged)
 
-        console = terminal.console(stderr=options.json)
-        with (
-            PointProcesses(journal, request, changes_of, options.jobs, options.out) as processes,
-            progress("running") as done,
-        ):
-            unchanged = unchanged_outcome(console, processes, journal, options.scenario)
-            if unchanged.verdict == "failed":
+    determining = ("sensors", "fault", "phases", "seconds", "link", "check", "duration")
+    with ResultFolder(options, scenario, determining) as folder:
+        request = folder.request(only_check=True, over_link=bool(options.link))
+        with folder.processes(request, changes_of) as processes, progress("running") as done:
+            if folder.unchanged(processes).verdict == "failed":
                 return 1
             for number, cell in enumerate(chosen, 1):
                 processes.start(CELL, number, cell.values)
             for number, cell in enumerate(chosen, 1):
                 outcome = processes.result(cell.values)
-                say_outcome(console, f"{number} of {len(chosen)}: {cell}", outcome)
+                folder.say_outcome(f"{number} of {len(chosen)}: {cell}", outcome)
                 done(number / len(chosen))
-        rows = [row for row in journal.rows if row.stage == CELL]
+        rows = [row for row in folder.journal.rows if row.stage == CELL]
     summary = CampaignSummary(
         options.scenario,
         options.check,
         rows,
         _possible(scenario),
+        list({cell.link.text: cell.link for cell in chosen if cell.link}.values()),
         {row.number: _command(options, changes_of(row.values)) for row in rows},
     )
-    write_point_table(options.out, rows)
-    with write_atomically(options.out / PAGE) as part:
-        part.write_text(campaign_page(summary), encoding="utf-8")
-    files = ", ".join(str(options.out / name) for name in (PAGE, PARQUET, CSV))
-    terminal.say(console, f"{len(summary.failures)} of {len(rows)} failed; wrote {files}")
+    files = folder.write(rows, PAGE, campaign_page(summary))
+    folder.say(f"{len(summary.failures)} of {len(rows)} failed; wrote {files}")
     if options.json:
         print_json({"cells": rows})
     return 1 if summary.failures else 0
@@ -163,6 +152,7 @@ def _command(options: argparse.Namespace, changes: Sequence[FieldChange]) -> str
     """Return the command line that repeats a run."""
     words = ["groundlink", "record", options.scenario, "--out", "again.mcap"]
     words += ["--duration", f"{options.duration:g}"]
+    words += ["--over-link"] if options.link else []
     words += [word for change in changes for word in ("--set", change.text)]
     return shlex.join(words)
 

@@ -16,6 +16,7 @@ import msgspec
 
 from groundlink.cli.run.cases import check_recording, record_command
 from groundlink.core.errors import UserError
+from groundlink.expectations.results import PASSED
 from groundlink.loader.overrides import FieldChange
 from groundlink.monitor.supervisor import end_with_parent
 from groundlink.search.point_journal import PointOutcome, Verdict
@@ -43,6 +44,9 @@ class EvaluationRequest(msgspec.Struct, frozen=True):
     check: str | None = None
     objective: str | None = None
     """Name of a key figure, or a shell command that prints a number."""
+
+    over_link: bool = False
+    """Whether the recording has what ROS receives over the emulated link."""
 
     only_check: bool = False
     """Whether the exit code of `record` does not count, which is 1 where a fault removes
@@ -90,7 +94,9 @@ class _Recorded(NamedTuple):
 def _recorded(request: EvaluationRequest, recording: Path) -> _Recorded:
     """Record a run."""
     case = tuple(FieldChange(*change) for change in request.changes)
-    words = record_command(request.scenario, case, recording, request.duration)
+    words = record_command(
+        request.scenario, case, recording, request.duration, over_link=request.over_link
+    )
     done = subprocess.run(
         [*words, "--json"],
         capture_output=True,
@@ -103,7 +109,9 @@ def _recorded(request: EvaluationRequest, recording: Path) -> _Recorded:
         return _Recorded(done.returncode or UserError.exit_code, lines[-1])
     printed: dict[str, Any] = json.loads(done.stdout)
     expectations = printed.get("expectations", ())
-    failed = [each["text"] for each in expectations if each["verdict"] == "failed"]
+    failed = [
+        each["text"] for each in expectations if each["verdict"] != PASSED and not each["skipped"]
+    ]
     text = next(iter([*failed, *printed["faults"]]), "-")
     return _Recorded(done.returncode, text, bool(failed))
 

@@ -1,26 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What commands with a journal of points share: options, folder, lines of points."""
+"""What commands with a journal of points share: options, and the folder of their results."""
 
 import argparse
 import hashlib
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
-from rich.console import Console
 
 from groundlink.cli.run.record import SECONDS
 from groundlink.cli.run.running import SCENARIO_HELP
 from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.json_output import add_json_option
 from groundlink.core import VERSION
+from groundlink.core.atomic_file import write_atomically
 from groundlink.core.errors import UserError
 from groundlink.core.extras import check_installed
+from groundlink.loader.overrides import FieldChange
 from groundlink.scenario.schema import Scenario
-from groundlink.search.point_journal import PointJournal, PointOutcome
+from groundlink.search.point_journal import PointJournal, PointOutcome, PointRow, Values
 
+from .evaluation import EvaluationRequest
 from .point_processes import PointProcesses
 
 JOURNAL = "journal.jsonl"
@@ -77,58 +78,100 @@ def check_options(options: argparse.Namespace) -> None:
         raise UserError(f"--jobs {options.jobs}: expected 1 or more")
 
 
-def identity(options: argparse.Namespace, scenario: Scenario, *names: str) -> dict[str, Any]:
-    """Return what determines the points of a command and their outcomes, by name."""
-    content = hashlib.sha256(msgspec.json.encode(scenario)).hexdigest()[:16]
-    return {
-        "groundlink": VERSION,
-        "scenario": options.scenario,
-        "content of the scenario": content,
-        **{f"--{name.replace('_', '-')}": getattr(options, name) for name in names},
-    }
+class ResultFolder:
+    """Folder of the results of a command: its journal, runs and tables. A context.
 
-
-@contextmanager
-def opened_journal(out: Path, determined_by: dict[str, Any]) -> Iterator[PointJournal]:
-    """Yield the journal of a new folder or of one with the same identity.
+    Parameters
+    ----------
+    options
+        of `add_arguments`.
+    scenario
+        the scenario without a change.
+    names
+        further options that determine the points or their outcomes.
 
     Raises
     ------
     UserError
         if the folder holds something else.
     """
-    if out.is_file() or (out.is_dir() and any(out.iterdir()) and not (out / JOURNAL).is_file()):
-        raise UserError(f"--out {out}: exists without {JOURNAL}. Fix: choose a new folder")
-    out.mkdir(parents=True, exist_ok=True)
-    journal = PointJournal(out / JOURNAL, determined_by)
-    try:
-        yield journal
-    finally:
-        journal.close()
 
+    def __init__(
+        self, options: argparse.Namespace, scenario: Scenario, names: Sequence[str]
+    ) -> None:
+        self._options, self.path = options, options.out
+        self.console = terminal.console(stderr=options.json)
+        is_strange = self.path.is_dir() and any(self.path.iterdir())
+        if self.path.is_file() or (is_strange and not (self.path / JOURNAL).is_file()):
+            raise UserError(
+                f"--out {self.path}: exists without {JOURNAL}. Fix: choose a new folder"
+            )
+        self.path.mkdir(parents=True, exist_ok=True)
+        content = hashlib.sha256(msgspec.json.encode(scenario)).hexdigest()[:16]
+        determined_by = {
+            "groundlink": VERSION,
+            "scenario": options.scenario,
+            "content of the scenario": content,
+            **{f"--{name.replace('_', '-')}": getattr(options, name) for name in names},
+        }
+        self.journal = PointJournal(self.path / JOURNAL, determined_by)
 
-def unchanged_outcome(
-    console: Console, processes: PointProcesses, journal: PointJournal, scenario: str
-) -> PointOutcome:
-    """Run the scenario as it is, and say its outcome.
+    def __enter__(self) -> "ResultFolder":
+        return self
 
-    Raises
-    ------
-    UserError
-        if there is none. The journal is then deleted.
-    """
-    processes.start(UNCHANGED, 1, {})
-    outcome = processes.result({})
-    if outcome.verdict == "broken":
-        journal.discard()
-        raise UserError(f"{scenario}: no result without a change: {outcome.text}")
-    say_outcome(console, f"{UNCHANGED}: no change", outcome)
-    if outcome.verdict == "failed":
-        terminal.say(console, "the scenario fails without a change; nothing else is run")
-    return outcome
+    def __exit__(self, *_: object) -> None:
+        self.journal.close()
 
+    def request(self, **fields: Any) -> EvaluationRequest:
+        """Return the request of a point; `recording` and `changes` are filled in later."""
+        options = self._options
+        return EvaluationRequest(
+            options.scenario,
+            recording="",
+            duration=f"{options.duration:g}",
+            check=options.check,
+            **fields,
+        )
 
-def say_outcome(console: Console, point: str, outcome: PointOutcome) -> None:
-    """Print the line of a point."""
-    figure = "" if outcome.objective is None else f", objective {outcome.objective:.5g}"
-    terminal.say(console, f"{point}: {outcome.verdict}{figure}: {outcome.text}")
+    def processes(
+        self, request: EvaluationRequest, changes: Callable[[Values], Sequence[FieldChange]]
+    ) -> PointProcesses:
+        """Return the processes that evaluate points, with the changes of each."""
+        return PointProcesses(self.journal, request, changes, self._options.jobs, self.path)
+
+    def unchanged(self, processes: PointProcesses) -> PointOutcome:
+        """Run the scenario as it is, and say its outcome.
+
+        Raises
+        ------
+        UserError
+            if there is none. The journal is then deleted.
+        """
+        processes.start(UNCHANGED, 1, {})
+        outcome = processes.result({})
+        if outcome.verdict == "broken":
+            self.journal.discard()
+            scenario = self._options.scenario
+            raise UserError(f"{scenario}: no result without a change: {outcome.text}")
+        self.say_outcome(f"{UNCHANGED}: no change", outcome)
+        if outcome.verdict == "failed":
+            self.say("the scenario fails without a change; nothing else is run")
+        return outcome
+
+    def say(self, line: str) -> None:
+        """Print a line."""
+        terminal.say(self.console, line)
+
+    def say_outcome(self, point: str, outcome: PointOutcome) -> None:
+        """Print the line of a point."""
+        figure = "" if outcome.objective is None else f", objective {outcome.objective:.5g}"
+        self.say(f"{point}: {outcome.verdict}{figure}: {outcome.text}")
+
+    def write(self, rows: Sequence[PointRow], name: str, page: str) -> str:
+        """Write the tables and a page; return their names."""
+        from groundlink.data.point_table import CSV, PARQUET, write_point_table
+
+        write_point_table(self.path, rows)
+        with write_atomically(self.path / name) as part:
+            part.write_text(page, encoding="utf-8")
+        return ", ".join(str(self.path / each) for each in (name, PARQUET, CSV))

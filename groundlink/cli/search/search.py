@@ -11,11 +11,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import msgspec
-from rich.console import Console
 
 from groundlink.cli import Subparsers
 from groundlink.cli.run.running import load_scenario
-from groundlink.cli.terminal import output as terminal
 from groundlink.cli.terminal.json_output import print_json
 from groundlink.cli.terminal.progress import progress
 from groundlink.core.atomic_file import write_atomically
@@ -24,27 +22,25 @@ from groundlink.core.extras import needs
 from groundlink.loader import load
 from groundlink.loader.changed_scenario import changed_text, value_of
 from groundlink.loader.overrides import FieldChange
-from groundlink.search.point_journal import PointJournal, PointRow, Values
+from groundlink.search.point_journal import PointRow, Values
 from groundlink.search.rounds import SEARCH, searched
 from groundlink.search.sampler import EvenSampler, OptunaSampler, Sampler
 from groundlink.search.shrinking import shrunk
 from groundlink.search.space import FORM, NumberRange, Point, Space, nearness, point_text, space
 
-from .evaluation import EvaluationRequest
 from .point_processes import PointProcesses, evaluate_alone
-from .result_folder import (
-    add_arguments,
-    check_options,
-    identity,
-    opened_journal,
-    say_outcome,
-    unchanged_outcome,
-)
+from .result_folder import ResultFolder, add_arguments, check_options
 
 if TYPE_CHECKING:
     from groundlink.report.page.search_page import MinimalFailure
 
 SCENARIO_FILE, RECORDING, PAGE = "minimal.yaml", "minimal.mcap", "search.html"
+
+DETERMINING = (
+    *("vary", "check", "duration", "over_link", "objective", "maximize"),
+    *("keep_going", "seed", "jobs"),
+)
+"""Options that determine the points of a search or their outcomes."""
 
 SHRINK = "shrink"
 """Stage of the points that make a failure smaller."""
@@ -79,6 +75,11 @@ def add_parser(subparsers: Subparsers) -> None:
         help="key figure to make small, or shell command that prints it, called like --check "
         "(default: points are spread evenly)",
     )
+    parser.add_argument(
+        "--over-link",
+        action="store_true",
+        help="recordings have what ROS would receive over the scenario's emulated link",
+    )
     parser.add_argument("--maximize", action="store_true", help="make the objective large")
     parser.add_argument(
         "--keep-going", action="store_true", help="search the whole budget after a failure, too"
@@ -92,7 +93,6 @@ def add_parser(subparsers: Subparsers) -> None:
 def search(options: argparse.Namespace) -> int:
     """Search, shrink and report; return 1 if a point failed."""
     with needs("search"):
-        from groundlink.data.point_table import CSV, PARQUET, write_point_table
         from groundlink.report.page.search_page import SearchSummary, search_page
 
     check_options(options)
@@ -104,23 +104,18 @@ def search(options: argparse.Namespace) -> int:
     scenario = load_scenario(options.scenario)
     origin = {f.name: value_of(f.name, options.scenario, scenario) for f in whole.fields}
     _check_values(options.scenario, whole)
-    names = ("vary", "check", "duration", "objective", "maximize", "keep_going", "seed", "jobs")
-    console = terminal.console(stderr=options.json)
-    with opened_journal(options.out, identity(options, scenario, *names)) as journal:
-        minimal = _SearchRun(options, whole, origin, journal, console).minimal_failure()
+    with ResultFolder(options, scenario, DETERMINING) as folder:
+        minimal = _SearchRun(options, whole, origin, folder).minimal_failure()
         rows = [
             msgspec.structs.replace(row, values=origin | row.values)
-            for row in journal.rows
+            for row in folder.journal.rows
             if row.stage != AGAIN
         ]
     summary = SearchSummary(
         options.scenario, whole, origin, rows, options.objective, options.maximize, minimal
     )
-    write_point_table(options.out, rows)
-    with write_atomically(options.out / PAGE) as part:
-        part.write_text(search_page(summary), encoding="utf-8")
-    files = ", ".join(str(options.out / name) for name in (PAGE, PARQUET, CSV))
-    terminal.say(console, f"wrote {files}")
+    files = folder.write(rows, PAGE, search_page(summary))
+    folder.say(f"wrote {files}")
     if options.json:
         print_json({"points": rows, "minimal": minimal})
     return 1 if summary.failures else 0
@@ -140,25 +135,15 @@ class _SearchRun:
         options: argparse.Namespace,
         whole: Space,
         origin: Mapping[str, Any],
-        journal: PointJournal,
-        console: Console,
+        folder: ResultFolder,
     ) -> None:
         self._options, self._space, self._origin = options, whole, origin
-        self._journal, self._console = journal, console
-        self._request = EvaluationRequest(
-            options.scenario,
-            recording="",
-            duration=f"{options.duration:g}",
-            check=options.check,
-            objective=options.objective,
-        )
+        self._folder, self._journal = folder, folder.journal
+        self._request = folder.request(objective=options.objective, over_link=options.over_link)
 
     def minimal_failure(self) -> "MinimalFailure | None":
         """Search; return the smallest failure of changed fields, None if there is none."""
-        options = self._options
-        with PointProcesses(
-            self._journal, self._request, field_changes, options.jobs, options.out
-        ) as processes:
+        with self._folder.processes(self._request, field_changes) as processes:
             if self._fails_unchanged(processes):
                 return None
             self._search(processes)
@@ -178,7 +163,7 @@ class _SearchRun:
 
     def _fails_unchanged(self, processes: PointProcesses) -> bool:
         """Run the scenario itself."""
-        outcome = unchanged_outcome(self._console, processes, self._journal, self._options.scenario)
+        outcome = self._folder.unchanged(processes)
         objective = self._options.objective
         if objective and outcome.objective is None:
             self._journal.discard()
@@ -199,7 +184,7 @@ class _SearchRun:
                 sampler, processes, options.budget, options.jobs, keep_going=options.keep_going
             ):
                 words = f"{number} of {options.budget}: {point_text(point)}"
-                say_outcome(self._console, words, outcome)
+                self._folder.say_outcome(words, outcome)
                 done(number / options.budget)
 
     def _fails(self, processes: PointProcesses, point: Point) -> bool:
@@ -207,7 +192,7 @@ class _SearchRun:
         number = 1 + sum(row.stage == SHRINK for row in self._journal.rows)
         processes.start(SHRINK, number, point)
         outcome = processes.result(point)
-        say_outcome(self._console, f"{SHRINK}: {point_text(point)}", outcome)
+        self._folder.say_outcome(f"{SHRINK}: {point_text(point)}", outcome)
         return outcome.verdict == "failed"
 
     def _repeated(self, point: Point) -> "MinimalFailure":
@@ -231,14 +216,12 @@ class _SearchRun:
             outcome = evaluate_alone(request)
             self._journal.add(PointRow(AGAIN, 1, {AGAIN: point}, outcome))
         again = "fails again" if outcome.verdict == "failed" else "does not fail again"
-        self._say(f"smallest failure: {point_text(point)}: {again}: {outcome.text}")
-        self._say(f"wrote {file}, {recording}")
+        self._folder.say(f"smallest failure: {point_text(point)}: {again}: {outcome.text}")
+        self._folder.say(f"wrote {file}, {recording}")
         words = ["groundlink", "record", str(file), "--out", "again.mcap"]
         words += ["--duration", f"{self._options.duration:g}"]
+        words += ["--over-link"] if self._options.over_link else []
         return MinimalFailure(point, outcome, shlex.join(words))
-
-    def _say(self, line: str) -> None:
-        terminal.say(self._console, line)
 
 
 def field_changes(values: Values) -> list[FieldChange]:

@@ -6,7 +6,11 @@ from dataclasses import dataclass
 from importlib.resources import files
 from string import Template
 
-from groundlink.search.campaign import BEGIN, FAULT, PARAMETERS, SENSOR
+import msgspec
+
+from groundlink.emulation.script import DIRECTIONS
+from groundlink.emulation.settings import Impairment
+from groundlink.search.campaign import BEGIN, FAULT, LINK, NONE, PARAMETERS, SENSOR, LinkCondition
 from groundlink.search.point_journal import PointRow
 
 from .html import Markup, joined, paragraph, section, table, text, tiles
@@ -15,15 +19,24 @@ NOT_RUN = "-"
 """Cell of a fault that a sensor cannot have, or that was left out."""
 
 
+SIZES = ("reorder_ms", "queue_kb")
+"""Fields of an impairment that give the size of another one."""
+
+
 @dataclass(frozen=True)
 class CampaignSummary:
     """Verdicts of a campaign."""
 
     scenario: str
-    check: str
+    check: str | None
+    """Shell command; None: the scenario's expectations judge."""
+
     rows: Sequence[PointRow]
     possible: Mapping[str, Sequence[str]]
     """Kinds of faults that each sensor of the scenario can have, by its name."""
+
+    links: Sequence[LinkCondition]
+    """Links; none in a campaign without them."""
 
     commands: Mapping[int, str]
     """Command lines that repeat failed cells, by number."""
@@ -33,9 +46,14 @@ class CampaignSummary:
         """Cells that failed."""
         return [row for row in self.rows if row.outcome.verdict == "failed"]
 
-    def verdicts(self, sensor: str, begin_s: float, kind: str) -> list[str]:
-        """Return the verdicts of a sensor, a begin and a kind of fault."""
-        wanted = {SENSOR: sensor, BEGIN: begin_s, FAULT: kind}
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns that identify a run."""
+        return (SENSOR, FAULT, PARAMETERS, BEGIN, *((LINK,) if self.links else ()))
+
+    def verdicts(self, place: Mapping[str, object], kind: str) -> list[str]:
+        """Return the verdicts of a kind of fault at a sensor, begin and link."""
+        wanted = {**place, FAULT: kind}
         return [
             row.outcome.verdict
             for row in self.rows
@@ -48,7 +66,7 @@ def campaign_page(summary: CampaignSummary) -> str:
     template = Template(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
     return template.substitute(
         title=text(f"Faults of {summary.scenario}"),
-        subtitle=text(f"Checked by: {summary.check}"),
+        subtitle=text(f"Checked by: {summary.check or 'expectations of the scenario'}"),
         verdict=_verdict(summary),
         facts=_facts(summary),
         sections=joined(
@@ -63,37 +81,45 @@ def campaign_page(summary: CampaignSummary) -> str:
 def _verdict(summary: CampaignSummary) -> Markup:
     failed = summary.failures
     if not failed:
-        return Markup('<div class="verdict">The check passed with every fault.</div>')
-    line = f"The check failed with {len(failed)} of {len(summary.rows)} faults."
+        return Markup('<div class="verdict">All runs passed.</div>')
+    line = f"{len(failed)} of {len(summary.rows)} runs failed."
     return Markup(f'<div class="verdict failed">{text(line)}</div>')
 
 
 def _facts(summary: CampaignSummary) -> Markup:
-    tested = {(row.values[SENSOR], row.values[FAULT]) for row in summary.rows}
+    tested = {(row.values[SENSOR], row.values[FAULT]) for row in summary.rows} - {(None, NONE)}
     possible = sum(map(len, summary.possible.values()))
     broken = sum(row.outcome.verdict == "broken" for row in summary.rows)
     return tiles(
         [
-            (str(len(summary.rows)), "runs with a fault"),
+            (str(len(summary.rows)), "runs"),
             (str(len(summary.failures)), "failed"),
             (str(broken), "without a result"),
             (f"{len(tested)} of {possible}", "pairs of sensor and kind"),
+            *([(str(len(summary.links)), "links")] if summary.links else []),
         ]
     )
 
 
 def _matrix(summary: CampaignSummary) -> Markup:
     kinds = list(dict.fromkeys(row.values[FAULT] for row in summary.rows))
-    places = dict.fromkeys((row.values[SENSOR], row.values[BEGIN]) for row in summary.rows)
+    columns = [name for name in summary.columns if name not in (FAULT, PARAMETERS)]
+    places = list(dict.fromkeys(tuple(row.values[n] for n in columns) for row in summary.rows))
     rows = [
         (
-            sensor,
-            f"{begin_s:g} s",
-            *(_cell(summary.verdicts(sensor, begin_s, kind)) for kind in kinds),
+            *map(_shown, place),
+            *(
+                _cell(summary.verdicts(dict(zip(columns, place, strict=True)), kind))
+                for kind in kinds
+            ),
         )
-        for sensor, begin_s in places
+        for place in places
     ]
-    return section("Verdicts", table(("sensor", "from", *kinds), rows, numbers=(1,), code=(0,)))
+    return section("Verdicts", table((*columns, *kinds), rows, numbers=(1,), code=(0, 2)))
+
+
+def _shown(value: object) -> str:
+    return NOT_RUN if value is None else f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _cell(verdicts: Sequence[str]) -> str:
@@ -109,7 +135,7 @@ def _failures(summary: CampaignSummary) -> Markup:
         return Markup("")
     return section(
         "Failures",
-        _listed(summary.failures),
+        _listed(summary, summary.failures),
         paragraph("Repeat one of them:"),
         *(
             Markup(f"<pre>{text(summary.commands[row.number])}</pre>")
@@ -119,18 +145,18 @@ def _failures(summary: CampaignSummary) -> Markup:
 
 
 def _cells(summary: CampaignSummary) -> Markup:
-    return section("All runs", _listed(summary.rows))
+    return section("All runs", _listed(summary, summary.rows))
 
 
-def _listed(rows: Sequence[PointRow]) -> Markup:
-    columns = (SENSOR, FAULT, PARAMETERS, BEGIN)
+def _listed(summary: CampaignSummary, rows: Sequence[PointRow]) -> Markup:
+    columns = summary.columns
     bad = [number for number, row in enumerate(rows) if row.outcome.verdict == "failed"]
     return table(
         ("run", *columns, "verdict", "last line"),
         [
             (
                 str(row.number),
-                *(str(row.values[name]) for name in columns),
+                *(_shown(row.values[name]) for name in columns),
                 row.outcome.verdict,
                 row.outcome.text,
             )
@@ -152,9 +178,22 @@ def _coverage(summary: CampaignSummary) -> Markup:
         missing = ", ".join(kind for kind in possible if kind not in run)
         share = f"{100 * len(run) / len(possible):.0f} %" if possible else NOT_RUN
         rows.append((sensor, f"{len(run)} of {len(possible)}", share, missing or NOT_RUN))
-    return section(
-        "Coverage",
-        table(
-            ("sensor", "kinds of faults run", "share", "not run"), rows, numbers=(1, 2), code=(0,)
-        ),
+    faults = table(
+        ("sensor", "kinds of faults run", "share", "not run"), rows, numbers=(1, 2), code=(0,)
+    )
+    return section("Coverage", faults, *([_link_coverage(summary)] if summary.links else []))
+
+
+def _link_coverage(summary: CampaignSummary) -> Markup:
+    """Return which impairments the links of the campaign have in each direction."""
+    known = [field.name for field in msgspec.structs.fields(Impairment) if field.name not in SIZES]
+    rows = []
+    for direction in DIRECTIONS:
+        run = {name for link in summary.links for name in link.impairments(direction)}
+        missing = [name for name in known if name not in run]
+        share = 1 - len(missing) / len(known)
+        count = f"{len(known) - len(missing)} of {len(known)}"
+        rows.append((direction, count, f"{100 * share:.0f} %", ", ".join(missing) or NOT_RUN))
+    return table(
+        ("direction", "impairments run", "share", "not run"), rows, numbers=(1, 2), code=(0,)
     )

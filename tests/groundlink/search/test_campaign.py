@@ -6,14 +6,23 @@ import pytest
 from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.scenario.faults import KINDS
-from groundlink.search.campaign import BEGIN, FAULT, PARAMETERS, SENSOR, FaultCell, cells
+from groundlink.search.campaign import (
+    BEGIN,
+    FAULT,
+    LINK,
+    PARAMETERS,
+    SENSOR,
+    CampaignCell,
+    cells,
+    link_condition,
+)
 
 SCENARIO = load("indoor_lab_tour")
 
 
 def chosen(
     *faults: str, sensors: tuple[str, ...] = (), begins_s: tuple[float, ...] = (1.0,)
-) -> list[FaultCell]:
+) -> list[CampaignCell]:
     return cells(SCENARIO, sensors=sensors, faults=faults, begins_s=begins_s, for_s=2.0)
 
 
@@ -27,8 +36,9 @@ def test_every_kind_is_given_to_each_sensor_that_can_have_it() -> None:
 
 def test_scenario_with_each_cell_is_valid_and_has_its_fault() -> None:
     for cell in chosen("off", "bias", "rate_change"):
-        changed = load("indoor_lab_tour", changes=[cell.change])
-        (sensor,) = (s for s in changed.vehicles[0].sensors if s.name == cell.sensor.name)
+        changed = load("indoor_lab_tour", changes=cell.changes)
+        name = cell.values[SENSOR].removeprefix("rover/")
+        (sensor,) = (s for s in changed.vehicles[0].sensors if s.name == name)
         (fault,) = sensor.faults
         assert (fault.kind, fault.at_s, fault.for_s) == (cell.values[FAULT], 1.0, 2.0)
 
@@ -36,10 +46,11 @@ def test_scenario_with_each_cell_is_valid_and_has_its_fault() -> None:
 def test_faults_of_the_scenario_stay() -> None:
     before = {"kind": "drop", "at_s": 0.5, "share": 0.1}
     (first,) = chosen(f"{before}", sensors=("rover/imu",))
-    faulty = load("indoor_lab_tour", changes=[first.change])
+    faulty = load("indoor_lab_tour", changes=first.changes)
     (cell,) = cells(faulty, sensors=["rover/imu"], faults=["stuck"], begins_s=[4.0], for_s=None)
-    assert [fault["kind"] for fault in cell.change.value] == ["drop", "stuck"]
-    assert cell.change.value[1] == {"kind": "stuck", "at_s": 4.0}
+    (change,) = cell.changes
+    assert [fault["kind"] for fault in change.value] == ["drop", "stuck"]
+    assert change.value[1] == {"kind": "stuck", "at_s": 4.0}
 
 
 @pytest.mark.parametrize(
@@ -68,6 +79,55 @@ def test_times_multiply_cells() -> None:
     assert [(cell.values[SENSOR], cell.values[BEGIN]) for cell in found] == [
         (f"rover/{name}", at) for name in ("lidar", "imu", "encoders") for at in (1.0, 2.0)
     ]
+
+
+LOSSY = "{to_ros: {loss: 0.1, burst: 4}, events: [{at_s: 2, from_ros: {outage: true}}]}"
+
+
+def over(*links: str, faults: tuple[str, ...] = ("off",)) -> list[tuple[str | None, str, str]]:
+    found = cells(
+        SCENARIO, sensors=["rover/imu"], faults=faults, begins_s=[1.0], for_s=None, links=links
+    )
+    return [(c.values[SENSOR], c.values[FAULT], c.values[LINK]) for c in found]
+
+
+def test_each_fault_is_combined_with_each_link() -> None:
+    assert over("none", LOSSY) == [("rover/imu", "off", "none"), ("rover/imu", "off", LOSSY)]
+    assert over("none", LOSSY, faults=("none", "off"))[0] == (None, "none", LOSSY)
+    assert over(LOSSY, faults=("none",)) == [(None, "none", LOSSY)]
+    assert over(LOSSY, faults=())[:2] == [(None, "none", LOSSY), ("rover/imu", "off", LOSSY)]
+    assert LINK not in chosen("off")[0].values
+
+
+def test_scenario_with_a_link_is_valid_and_has_it() -> None:
+    (cell,) = cells(
+        SCENARIO, sensors=(), faults=["none"], begins_s=[1.0], for_s=None, links=[LOSSY]
+    )
+    link = load("indoor_lab_tour", changes=cell.changes).gateway.link
+    assert link == link_condition(LOSSY).script
+    assert str(cell) == f"no fault, link {LOSSY}"
+
+
+def test_impairments_of_a_link_are_those_that_it_ever_has() -> None:
+    link = link_condition(LOSSY)
+    assert link.impairments("to_ros") == ["loss", "burst"]
+    assert link.impairments("from_ros") == ["outage"]
+    assert link_condition("none").impairments("to_ros") == []
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("{to_ros: {los: 0.1}}", "--link {to_ros: {los: 0.1}}: object contains unknown field"),
+        ("{to_ros: {loss: 2}}", "expected `float` <= 1.0"),
+        ("bad", "--link bad: expected `object`, got `str`"),
+    ],
+)
+def test_mistake_in_a_link_is_one_line(text: str, line: str) -> None:
+    with pytest.raises(UserError) as error:
+        over(text)
+    assert line in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,7 @@ def test_matrix_of_verdicts(
     ]
     assert evaluations.requests[0].changes == []
     assert all(request.only_check for request in evaluations.requests)
+    assert not any(request.over_link for request in evaluations.requests)
     table = parquet.read_table(tmp_path / "out" / "points.parquet").to_pylist()
     assert [row["verdict"] for row in table] == [cell["outcome"]["verdict"] for cell in cells]
 
@@ -88,25 +89,37 @@ def test_check_that_fails_without_a_fault_ends_the_campaign(
     assert "fails without a change" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
-        (["--fault", "stock"], "--fault stock: no such kind"),
-        (["--phases", "1,30"], "--phases 30: expected 0 or more, and less than the 30 s"),
-        (["--for", "0"], "--for 0: expected seconds, more than 0"),
-        (["--sensors", "rover/gnss"], "--sensors rover/gnss: no such sensor"),
-        (["--check", ""], "campaign: needs --check"),
-    ],
-)
-def test_mistake_is_one_line_before_the_first_run(
-    words: list[str],
-    line: str,
-    evaluations: Evaluations,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+LOSSY = "{to_ros: {loss: 0.1}, from_ros: {delay_ms: 5}}"
+
+
+def lossy(changes: dict[str, Any]) -> PointOutcome:
+    """Fail where both a sensor has a fault and datagrams are lost."""
+    is_lossy = bool(changes["gateway.link"])
+    return PointOutcome("failed" if is_lossy and len(changes) > 1 else "passed", "-")
+
+
+def test_links_are_an_axis_of_the_matrix(
+    evaluations: Evaluations, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert campaign(tmp_path / "out", *words) == 2
-    error = capsys.readouterr().err
-    assert line in error
-    assert error.count("\n") == 1
-    assert evaluations.requests == []
+    evaluations.model = lossy
+    out = tmp_path / "out"
+    words = ("--sensors", "rover/imu", "--fault", "off", "--fault", "none", "--json")
+    assert campaign(out, *words, "--link", "none", "--link", LOSSY) == 1
+    cells = json.loads(capsys.readouterr().out)["cells"]
+    assert [
+        (*(cell["values"][n] for n in ("sensor", "fault", "link")), cell["outcome"]["verdict"])
+        for cell in cells
+    ] == [
+        (None, "none", LOSSY, "passed"),
+        ("rover/imu", "off", "none", "passed"),
+        ("rover/imu", "off", LOSSY, "failed"),
+    ]
+    assert all(request.over_link for request in evaluations.requests)
+    assert evaluations.changes[0].keys() == {"gateway.link"}, "the scenario over a perfect link"
+    rows = parquet.read_table(out / "points.parquet").to_pylist()
+    assert [row["begin s"] for row in rows] == [None, 1.0, 1.0]
+    page = (out / "campaign.html").read_text(encoding="utf-8")
+    assert page.count('<b class="bad">failed</b>') == 1
+    assert "1 of 9" in page, "impairments of a direction"
+    assert "--over-link" in page
+    assert "gateway.link=" in page

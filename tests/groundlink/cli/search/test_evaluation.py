@@ -20,12 +20,16 @@ def recorded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """A file that counts runs; `record` is replaced by a shell script from the scenario's name."""
     runs = tmp_path / "runs"
 
-    def record_command(scenario: str, case: object, recording: Path, duration: str) -> list[str]:
-        late, close = (
-            f"echo '{json.dumps({'faults': ['late'], **more})}'"
-            for more in ({}, {"expectations": EXPECTED})
+    def record_command(
+        scenario: str, case: object, recording: Path, duration: str, *, over_link: bool
+    ) -> list[str]:
+        late, close, silent = (
+            f"echo '{json.dumps({'faults': ['late'], 'expectations': expectations})}'"
+            for expectations in ([], EXPECTED, NOTHING)
         )
-        script = scenario.format(copy=f"cp {RECORDING} {recording}", faults=late, expected=close)
+        script = scenario.format(
+            copy=f"cp {RECORDING} {recording}", faults=late, expected=close, nothing=silent
+        )
         return ["sh", "-c", f"echo >> {runs}; {script}", "sh"]
 
     monkeypatch.setattr(evaluation, "record_command", record_command)
@@ -35,11 +39,13 @@ def recorded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 GOOD = "{copy}; echo '{{\"faults\": []}}'"
 LATE = "{copy}; {faults}; exit 1"
 EXPECTED = [
-    {"verdict": "passed", "text": "arrived"},
-    {"verdict": "undecided", "text": "no rain"},
-    {"verdict": "failed", "text": "too close"},
+    {"verdict": "passed", "text": "arrived", "skipped": False},
+    {"verdict": "undecided", "text": "no rain", "skipped": True},
+    {"verdict": "failed", "text": "too close", "skipped": False},
 ]
 CLOSE = "{copy}; {expected}; exit 1"
+NOTHING = [{"verdict": "undecided", "text": "no message came", "skipped": False}]
+SILENT = "{copy}; {nothing}; exit 1"
 
 
 @pytest.mark.parametrize(
@@ -54,6 +60,7 @@ CLOSE = "{copy}; {expected}; exit 1"
         (LATE, "echo 3 m; true", True, ("passed", "3 m")),
         (CLOSE, None, False, ("failed", "too close")),
         (CLOSE, "echo 3 m; true", True, ("failed", "too close")),
+        (SILENT, "echo 3 m; true", True, ("failed", "no message came")),
         ("echo no >&2; echo room >&2; exit 2", "true", False, ("broken", "room")),
         ("exit 0", "true", False, ("broken", "no result")),
     ],

@@ -15,7 +15,6 @@ from groundlink.search.point_journal import PointOutcome
 
 from .conftest import Evaluations
 
-SCENARIO = "indoor_lab_tour"
 VARY = [
     *("--vary", "route.speed_mps=0.2..1.4"),
     *("--vary", "lidar.dropout=0.0..0.5"),
@@ -32,7 +31,7 @@ def fast_and_blind(changes: dict[str, Any]) -> PointOutcome:
 
 def search(out: Path, *words: str, budget: int = 16) -> int:
     return groundlink(
-        ["search", SCENARIO, *VARY, "--budget", str(budget), "--out", str(out), *words]
+        ["search", "indoor_lab_tour", *VARY, "--budget", str(budget), "--out", str(out), *words]
     )
 
 
@@ -183,30 +182,3 @@ def test_other_command_line_on_the_same_folder_is_refused(
     (tmp_path / "notes" / "a.txt").write_text("mine")
     assert search(tmp_path / "notes") == 2
     assert "exists without journal.jsonl" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
-        (["--vary", "lidar.dropout=0.0..2.0"], "--vary lidar.dropout: given twice"),
-        (["--vary", "imu.noise=1"], "--vary imu.noise=1: one value"),
-        (["--vary", "camera.exposure=1,2"], "no `camera`"),
-        (["--vary", "imu.rate_hz=-5..400"], "rate_hz`: expected `float` > 0.0"),
-        (["--budget", "0"], "--budget 0: expected 1 or more"),
-        (["--jobs", "0"], "--jobs 0: expected 1 or more"),
-        (["--maximize"], "--maximize: needs --objective"),
-    ],
-)
-def test_mistake_is_one_line_before_the_first_run(
-    words: list[str],
-    line: str,
-    evaluations: Evaluations,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert search(tmp_path / "out", *words) == 2
-    error = capsys.readouterr().err
-    assert line in error
-    assert error.count("\n") == 1
-    assert evaluations.requests == []
-    assert not (tmp_path / "out").exists()
