@@ -17,11 +17,21 @@ struct beam {
     int mixed[3], mirrored[3];
 };
 
+static inline float lower(float a, float b)
+{
+    return a < b ? a : b;
+}
+
+static inline float higher(float a, float b)
+{
+    return a > b ? a : b;
+}
+
 /* Take lanes `of` vectors into a body's frame: v + 2 q x (q x v - w v), q of any length. */
-static inline void turn_back(const float q[4][LANES], const float twice[LANES],
+static INLINED void turn_back(const float q[4][LANES], const float twice[LANES],
                              const float of[3][LANES], float to[3][LANES])
 {
-    for (int lane = 0; lane < LANES; lane++) {
+    EACH_LANE {
         const float x = q[0][lane], y = q[1][lane], z = q[2][lane], w = q[3][lane];
         const float a = of[0][lane], b = of[1][lane], c = of[2][lane];
         const float d = y * c - z * b - w * a, e = z * a - x * c - w * b, f = x * b - y * a - w * c;
@@ -32,7 +42,7 @@ static inline void turn_back(const float q[4][LANES], const float twice[LANES],
 }
 
 /* Tell whether a ray may enter a box; boxes are wide enough for what is rounded here. */
-static inline int entered(const struct box *box, const struct beam *beam)
+static INLINED int entered(const struct box *box, const struct beam *beam)
 {
     float near = 0, far = beam->far;
     for (int axis = 0; axis < 3; axis++) {
@@ -49,34 +59,42 @@ static inline int entered(const struct box *box, const struct beam *beam)
     return near <= far;
 }
 
-static inline void widen(float bounds[2], float value)
-{
-    bounds[0] = value < bounds[0] ? value : bounds[0];
-    bounds[1] = value > bounds[1] ? value : bounds[1];
-}
-
 /* Return what holds the rays of some packets. */
-static struct beam beam_of(const struct rays *rays, int packets)
+static INLINED struct beam beam_of(const struct rays *rays, int packets)
 {
     struct beam beam = {.far = 0};
-    float bounds[2][3][2]; /* of origins and directions */
-    for (int axis = 0; axis < 3; axis++)
-        for (int i = 0; i < 2; i++) {
-            bounds[0][axis][i] = rays->world.origin[axis][0];
-            bounds[1][axis][i] = rays->world.direction[axis][0];
-        }
-    for (int number = 0; number < packets; number++) {
+    float low[2][3][LANES], high[2][3][LANES], far[LANES]; /* of origins and directions, by lane */
+    memcpy(low[0], rays->world.origin, sizeof low[0]);
+    memcpy(low[1], rays->world.direction, sizeof low[1]);
+    memcpy(high, low, sizeof high);
+    memcpy(far, rays->world.far, sizeof far);
+    for (int number = 1; number < packets; number++) {
         const struct packet *packet = &rays[number].world;
         for (int axis = 0; axis < 3; axis++)
-            for (int lane = 0; lane < LANES; lane++) {
-                widen(bounds[0][axis], packet->origin[axis][lane]);
-                widen(bounds[1][axis], packet->direction[axis][lane]);
+            EACH_LANE {
+                const float origin = packet->origin[axis][lane];
+                const float direction = packet->direction[axis][lane];
+                low[0][axis][lane] = lower(origin, low[0][axis][lane]);
+                high[0][axis][lane] = higher(origin, high[0][axis][lane]);
+                low[1][axis][lane] = lower(direction, low[1][axis][lane]);
+                high[1][axis][lane] = higher(direction, high[1][axis][lane]);
             }
-        for (int lane = 0; lane < LANES; lane++)
-            beam.far = packet->far[lane] > beam.far ? packet->far[lane] : beam.far;
+        EACH_LANE
+            far[lane] = higher(packet->far[lane], far[lane]);
     }
+    for (int lane = 0; lane < LANES; lane++)
+        beam.far = higher(far[lane], beam.far);
     for (int axis = 0; axis < 3; axis++) {
-        const float *origin = bounds[0][axis], *direction = bounds[1][axis];
+        float bounds[2][2];
+        for (int i = 0; i < 2; i++) {
+            bounds[i][0] = low[i][axis][0];
+            bounds[i][1] = high[i][axis][0];
+            for (int lane = 1; lane < LANES; lane++) {
+                bounds[i][0] = lower(low[i][axis][lane], bounds[i][0]);
+                bounds[i][1] = higher(high[i][axis][lane], bounds[i][1]);
+            }
+        }
+        const float *origin = bounds[0], *direction = bounds[1];
         const int mirrored = beam.mirrored[axis] = direction[1] < 0;
         beam.mixed[axis] = direction[0] <= 1e-30f && direction[1] >= -1e-30f;
         beam.origin[axis][0] = mirrored ? -origin[1] : origin[0];
@@ -87,57 +105,111 @@ static struct beam beam_of(const struct rays *rays, int packets)
     return beam;
 }
 
-/* Meet a body, if any ray passes its ball at its own instant. */
-static void meet_body(const struct ray_world *around, int32_t body, struct rays *rays)
+/* Poses of a body before and after each ray's time. */
+struct motion {
+    double first[7][LANES], second[7][LANES];
+};
+
+/* Read values `from` to `end` of these poses. */
+static INLINED void read_motion(const struct ray_world *around, int32_t body,
+                                const struct rays *rays, int from, int end, struct motion *motion)
 {
-    const struct packet *world = &rays->world;
-    const double *first[LANES], *second[LANES];
-    float offset[3][LANES], q[4][LANES], twice[LANES];
+    const double *first, *second;
+    if (rays->together) {
+        first = poses(around, body, rays->before[0], &second);
+        for (int i = from; i < end; i++)
+            EACH_LANE {
+                motion->first[i][lane] = first[i];
+                motion->second[i][lane] = second[i];
+            }
+        return;
+    }
     for (int lane = 0; lane < LANES; lane++) {
-        first[lane] = poses(around, body, rays->before[lane], &second[lane]);
-        for (int axis = 0; axis < 3; axis++) {
-            const double from = first[lane][axis], to = second[lane][axis];
-            offset[axis][lane] =
-                (float)(world->origin[axis][lane] - (from + rays->share[lane] * (to - from)));
+        first = poses(around, body, rays->before[lane], &second);
+        for (int i = from; i < end; i++) {
+            motion->first[i][lane] = first[i];
+            motion->second[i][lane] = second[i];
         }
     }
-    const float radius = (float)around->radii[body];
-    int passing = 0;
-    for (int lane = 0; lane < LANES; lane++) {
-        const float a = offset[0][lane], b = offset[1][lane], c = offset[2][lane];
-        const float x = world->direction[0][lane], y = world->direction[1][lane],
-                    z = world->direction[2][lane];
-        const float along = (a * x + b * y + c * z) / (x * x + y * y + z * z);
-        const float d = a - along * x, e = b - along * y, f = c - along * z;
-        const float reach = radius + 1e-6f * (fabsf(a) + fabsf(b) + fabsf(c)); /* what is rounded */
-        passing |= d * d + e * e + f * f <= reach * reach;
+}
+
+/* Find the rays' orientations of a body, times any factor, as `mix` does. */
+static INLINED void mix_lanes(const struct motion *motion, const float share[LANES],
+                              float q[4][LANES])
+{
+    double sign[LANES];
+    EACH_LANE {
+        double cosine = 0;
+        cosine += motion->first[3][lane] * motion->second[3][lane];
+        cosine += motion->first[4][lane] * motion->second[4][lane];
+        cosine += motion->first[5][lane] * motion->second[5][lane];
+        cosine += motion->first[6][lane] * motion->second[6][lane];
+        sign[lane] = cosine < 0 ? -1 : 1;
     }
-    if (!passing)
-        return;
-    for (int lane = 0; lane < LANES; lane++) {
-        double mixed[4];
-        mix(first[lane], second[lane], rays->share[lane], mixed);
-        for (int i = 0; i < 4; i++)
-            q[i][lane] = (float)mixed[i];
-    }
-    for (int lane = 0; lane < LANES; lane++)
-        twice[lane] = 2 / (q[0][lane] * q[0][lane] + q[1][lane] * q[1][lane] +
-                           q[2][lane] * q[2][lane] + q[3][lane] * q[3][lane]);
-    struct packet *own = &rays->own;
-    turn_back(q, twice, offset, own->origin);
-    turn_back(q, twice, world->direction, own->direction);
-    memcpy(own->far, world->far, sizeof own->far);
-    find(around, body + 1, own);
-    for (int lane = 0; lane < LANES; lane++)
-        if (own->ids[GEOMETRY][lane] != -1) {
-            own->ids[GEOMETRY][lane] = -1;
-            rays->world.far[lane] = own->far[lane];
-            rays->triangle[lane] = around->first_triangle[body + 1] + own->ids[TRIANGLE][lane];
-            rays->body[lane] = body;
+    for (int i = 0; i < 4; i++)
+        EACH_LANE {
+            const double from = motion->first[3 + i][lane], to = motion->second[3 + i][lane];
+            q[i][lane] = (float)(from + share[lane] * (sign[lane] * to - from));
         }
 }
 
-void groundlink_meet_bodies(const struct ray_world *around, struct rays *rays, int packets)
+/* Meet a body, if any ray passes its ball at its own instant, before what it met so far. */
+static INLINED void meet_body(const struct ray_world *around, int32_t body, struct rays *rays)
+{
+    const struct packet *world = &rays->world;
+    const float radius = (float)around->radii[body];
+    struct packet *own = &rays->own;
+    struct motion motion;
+    float offset[3][LANES], q[4][LANES], twice[LANES];
+    int32_t valid[LANES] __attribute__((aligned(64)));
+    read_motion(around, body, rays, 0, 3, &motion);
+    for (int axis = 0; axis < 3; axis++)
+        EACH_LANE {
+            const double from = motion.first[axis][lane], to = motion.second[axis][lane];
+            offset[axis][lane] =
+                (float)(world->origin[axis][lane] - (from + rays->share[lane] * (to - from)));
+        }
+    EACH_LANE {
+        const float a = offset[0][lane], b = offset[1][lane], c = offset[2][lane];
+        const float x = world->direction[0][lane], y = world->direction[1][lane],
+                    z = world->direction[2][lane];
+        const float per_length = 1 / sqrtf(x * x + y * y + z * z);
+        const float along = (a * x + b * y + c * z) * per_length * per_length;
+        const float d = a - along * x, e = b - along * y, f = c - along * z;
+        const float rounded = 1e-6f * (fabsf(a) + fabsf(b) + fabsf(c));
+        const float reach = radius + rounded;
+        const float square = reach * reach - (d * d + e * e + f * f);
+        /* Half of its way through the ball. */
+        const float half = (sqrtf(higher(square, 0)) + rounded) * per_length;
+        int32_t passes = square >= 0 ? -1 : 0;
+        passes = -along - half <= world->far[lane] ? passes : 0;
+        valid[lane] = half - along >= 0 ? passes : 0;
+    }
+    int32_t passing = 0;
+    for (int lane = 0; lane < LANES; lane++)
+        passing |= valid[lane];
+    if (!passing)
+        return;
+    read_motion(around, body, rays, 3, 7, &motion);
+    mix_lanes(&motion, rays->share, q);
+    EACH_LANE
+        twice[lane] = 2 / (q[0][lane] * q[0][lane] + q[1][lane] * q[1][lane] +
+                           q[2][lane] * q[2][lane] + q[3][lane] * q[3][lane]);
+    turn_back(q, twice, offset, own->origin);
+    turn_back(q, twice, world->direction, own->direction);
+    memcpy(own->far, world->far, sizeof own->far);
+    find(around, body + 1, valid, own);
+    EACH_LANE {
+        const int hit = own->ids[GEOMETRY][lane] != -1;
+        own->ids[GEOMETRY][lane] = -1;
+        rays->world.far[lane] = hit ? own->far[lane] : rays->world.far[lane];
+        rays->triangle[lane] = hit ? around->first_triangle[body + 1] + own->ids[TRIANGLE][lane]
+                                   : rays->triangle[lane];
+        rays->body[lane] = hit ? body : rays->body[lane];
+    }
+}
+
+VECTORIZED void groundlink_meet_bodies(const struct ray_world *around, struct rays *rays, int packets)
 {
     const struct node *waiting[MOST_DEPTH + 1] = {around->nodes};
     const struct beam beam = beam_of(rays, packets);

@@ -98,10 +98,10 @@ static void walk(const struct mesh *mesh, struct ray *ray)
 void groundlink_intersect8(const int32_t *valid, void *scene, struct packet *packet, void *arguments)
 {
     const struct mesh *mesh = scene;
-    (void)valid, (void)arguments;
+    (void)arguments;
     for (int lane = 0; lane < LANES; lane++) {
         struct ray ray = {.far = packet->far[lane], .triangle = -1};
-        if (ray.far < 0 || !mesh->nodes)
+        if (!valid[lane] || ray.far < 0 || !mesh->nodes)
             continue;
         for (int axis = 0; axis < 3; axis++) {
             const double direction = packet->direction[axis][lane];

@@ -8,9 +8,22 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* A loop that is compiled twice, for processors with AVX2 and for all others; which one is called is
+ * decided when the library is loaded. Both give the same bits: compilers may neither contract nor
+ * reorder operations here. */
+#if defined(__x86_64__) && defined(__GLIBC__)
+#define VECTORIZED __attribute__((target_clones("avx2", "default")))
+#else
+#define VECTORIZED
+#endif
+#define INLINED inline __attribute__((always_inline)) /* into it */
+
 /* As many as an AVX2 register holds. Packets of 16, which Embree cuts up on such processors, took
  * more than twice as long. */
 #define LANES 8
+
+/* A loop that compilers make one of vector instructions, before they unroll it. */
+#define EACH_LANE _Pragma("GCC unroll 1") for (int lane = 0; lane < LANES; lane++)
 
 enum { TRIANGLE, GEOMETRY, INSTANCE, INSTANCE_PRIMITIVE };
 
@@ -77,6 +90,7 @@ struct rays {
     struct packet own;   /* the same rays in a body's frame */
     int32_t before[LANES]; /* the pose before each ray's time, and how far to the next that is */
     float share[LANES];
+    int together;                       /* whether all are between the same two poses */
     int32_t triangle[LANES], body[LANES];
 };
 
@@ -112,11 +126,10 @@ static inline void mix(const double *first, const double *second, double share, 
         q[i] = first[3 + i] + share * (sign * second[3 + i] - first[3 + i]);
 }
 
-/* Let the engine find what a packet meets in one of its scenes. */
-static inline void find(const struct ray_world *around, ptrdiff_t scene, struct packet *packet)
+/* Let the engine find what the valid lanes (-1) of a packet meet in one of its scenes. */
+static inline void find(const struct ray_world *around, ptrdiff_t scene,
+                        const int32_t valid[LANES], struct packet *packet)
 {
-    static const int32_t valid[LANES] __attribute__((aligned(64))) = {-1, -1, -1, -1,
-                                                                      -1, -1, -1, -1};
     /* RTCIntersectArguments: of neighboring rays, for geometry of every kind. */
     static struct {
         int32_t flags;
