@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Library of materials: definitions of names that neither the world nor a vehicle defines.
+"""Libraries of materials and soils: definitions of names that a scenario uses and does not define.
 
 Only materials that a scenario uses are added to it. A scenario that defines all of its materials
-keeps its hash, and a resolved scenario does not depend on the library.
+keeps its hash, and a resolved scenario does not depend on the libraries.
 """
 
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import msgspec
 from msgspec.structs import replace
@@ -18,6 +19,8 @@ from groundlink.world.solids import Material
 from .document import read
 
 FILE = (Path(__file__).parents[1] / "shipped" / "materials" / "library.yaml").resolve()
+
+SOILS = FILE.with_name("soils.yaml")
 
 
 @cache
@@ -35,3 +38,10 @@ def with_library_materials(scenario: Scenario) -> Scenario:
     library = material_library()
     added = {name: library[name] for name in sorted(undefined & library.keys())}
     return replace(scenario, world=replace(world, materials=world.materials | added))
+
+
+@cache
+def soil_library() -> dict[str, dict[str, Any]]:
+    """Return the soils of the library by name, as in a file."""
+    soils: dict[str, dict[str, Any]] = read(SOILS).value
+    return soils
