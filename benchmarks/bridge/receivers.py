@@ -103,13 +103,12 @@ def node(_: argparse.Namespace) -> None:
     from udp_bridge_ros2 import __main__ as start
     from udp_bridge_ros2 import node as module
     from udp_bridge_ros2 import topics
+    from udp_bridge_ros2.serialized import serialized_publish
 
     class ReportingNode(module.Ros2Node):
         def __init__(self, **options: Any) -> None:
             super().__init__(**options)
             print(self._bridge.link.address[1], flush=True)
-
-    serialized_publish = topics.serialized_publish
 
     def reporting_publish(publisher: Any) -> Callable[[memoryview], None]:
         publish = serialized_publish(publisher)

@@ -30,6 +30,7 @@ def test_batches_of_parts_give_what_single_datagrams_give() -> None:
     assert counts["datagrams"] >= BATCH
     assert counts["in_slots"] > BATCH / 10
     assert counts["messages"] > BATCH / 100
+    assert counts["small"] > BATCH / 100
 
 
 @pytest.mark.nightly

@@ -148,6 +148,9 @@ class Link:
             on_challenge=self._on_challenge,
             limits=limits,
         )
+        use_small_topics = getattr(socket, "use_small_topics", None)
+        if use_small_topics is not None:
+            use_small_topics(self._inbox.small_topics)
         self._errors = ErrorCounter()
         self._receiving = ReceiveLoop(
             *(socket, self._inbox, on_message, self._answer, self._errors),

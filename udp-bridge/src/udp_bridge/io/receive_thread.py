@@ -12,6 +12,7 @@ from typing import Any, Callable, Optional
 
 from udp_bridge.receiver.delivery_reports import Answer
 from udp_bridge.receiver.inbox import Inbox
+from udp_bridge.receiver.small_topics import SmallMessage
 from udp_bridge.wire.header import NANOS, Refused
 from udp_bridge.wire.message import Address, Message
 from udp_bridge.wire.types import MSG_TYPES
@@ -89,7 +90,7 @@ class ReceiveLoop:
         except Exception:
             self._inbox.reset_prediction()  # the predicted parts may have caused it
             raise
-        self._inbox.update_logs()  # after the messages, which should not wait for it
+        self._inbox.update_logs_if_due(now_nanos)
         return not self._is_ended
 
     def finish(self) -> None:
@@ -102,6 +103,9 @@ class ReceiveLoop:
     def _receive_many(self) -> None:
         slots, credits = self._inbox.predict_slots()
         batch = self._receive_batch(slots, credits)
+        if type(batch) is SmallMessage:
+            self._deliver(*batch)
+            return
         now_nanos = time.monotonic_ns()
         if batch is None:
             self._inbox.reassembler.expire(now_nanos)
@@ -141,7 +145,11 @@ class ReceiveLoop:
                 self._answer(*request)
         if credit is not None:
             self._answer(*credit)
-        if message is None or self._is_ended:
+        if message is not None:
+            self._deliver(message, sender)
+
+    def _deliver(self, message: Message, sender: Address) -> None:
+        if self._is_ended:
             return
         try:
             if self._on_message is not None:

@@ -17,7 +17,7 @@ from udp_bridge.wire.header import Buffer, Refused
 from udp_bridge.wire.message import Address
 from udp_bridge.wire.seal import OVERHEAD, Seal
 
-from .udp_socket import DatagramSocket, UdpSocket
+from .udp_socket import DatagramSocket, Received, UdpSocket
 
 
 class SocketWrapper:
@@ -83,6 +83,7 @@ class PeerFilter(SocketWrapper):
         super().__init__(inner)
         self._peers = _Peers(peers)
         self._receive_inner = inner.receive_batch
+        self.use_small_topics = inner.use_small_topics  # of senders that were received before
         self.send_small, self.send_batch = inner.send_small, inner.send_batch
         self.credit_store = inner.credit_store
         if self.credit_store is not None:
@@ -105,10 +106,10 @@ class PeerFilter(SocketWrapper):
             raise Refused("stranger")
         return received
 
-    def receive_batch(self, slots: ReceiveSlots, credits: CreditState) -> Optional[PartBatch]:
+    def receive_batch(self, slots: ReceiveSlots, credits: CreditState) -> Received:
         """See `UdpSocket.receive_batch`; parts are only predicted of peers."""
         batch = self._receive_inner(slots, credits)
-        if batch is not None and batch.unmatched_sender is not None:
+        if isinstance(batch, PartBatch) and batch.unmatched_sender is not None:
             if batch.unmatched_sender not in self._peers:
                 return batch._replace(unmatched=None, unmatched_sender=None, refused="stranger")
         return batch

@@ -13,13 +13,14 @@ import socket
 import struct
 import sys
 from functools import partial
-from typing import Callable, List, Optional, Protocol, Sequence, Tuple, Union
+from typing import Any, Callable, List, Optional, Protocol, Sequence, Tuple, Union
 
 from udp_bridge.receiver.receive_slots import CreditState, PartBatch, ReceiveSlots
+from udp_bridge.receiver.small_topics import DeliveredMessage, SmallMessage, SmallTopics
 from udp_bridge.sender.send_queue import OutgoingBatch, SendSmall
 from udp_bridge.wire.fragments import datagram_of, flat
 from udp_bridge.wire.header import PART_NUMBER_OFFSET, Buffer, is_stamp, restamped
-from udp_bridge.wire.message import Address
+from udp_bridge.wire.message import Address, Message
 
 from .credit_mailbox import CreditStore
 from .native import batch_io
@@ -37,7 +38,8 @@ _REST_BYTES = 1 << 16
 
 RetryPolicy = Callable[[int], bool]
 """Called with the errno of a datagram that was not sent; returns whether to try again."""
-ReceiveResult = Tuple[Optional[PartBatch], int]
+Received = Union[PartBatch, SmallMessage, None]
+ReceiveResult = Tuple[Received, int]
 """The received datagrams, and the errno that ended the batch or 0."""
 
 
@@ -78,17 +80,31 @@ class NativeBatches:
         self._mailbox = self.credit_store.memory
         self._rest = bytearray(_REST_BYTES)
         self._is_flowing = False
+        self._small: Tuple[Any, ...] = ()
+        self.use_small_topics(SmallTopics())
+
+    def use_small_topics(self, small: SmallTopics) -> None:
+        """Return messages of these topics as such."""
+        self._small = small.table, small.delivered, Message, DeliveredMessage
 
     def receive(
         self, source: socket.socket, slots: ReceiveSlots, credits: CreditState
     ) -> ReceiveResult:
-        """Return at least one datagram; None if nothing was received."""
+        """Return at least one datagram, or None if nothing was received."""
         found = batch_io.receive(
-            source.fileno(), self._rest, *slots, *credits, self._is_flowing, self._mailbox
+            source.fileno(),
+            self._rest,
+            *slots,
+            *credits,
+            self._is_flowing,
+            self._mailbox,
+            *self._small,
         )
         self._is_flowing = found is not None
         if found is None:
             return None, -1
+        if len(found) == 2:
+            return tuple.__new__(SmallMessage, found), 0
         batch, error, drops = found
         if drops >= 0:
             self.drops = drops
@@ -125,6 +141,9 @@ class PortableBatches:
         """Datagrams that the kernel dropped for lack of buffer, as last reported."""
         self.credit_store: Optional[CreditStore] = None
         self._rest = bytearray(_REST_BYTES)
+
+    def use_small_topics(self, small: SmallTopics) -> None:
+        """Do nothing: all datagrams are returned as such."""
 
     def receive(
         self, source: socket.socket, slots: ReceiveSlots, credits: CreditState
@@ -212,6 +231,7 @@ class UdpSocket:
         self._batches: Union[NativeBatches, PortableBatches] = (
             NativeBatches() if batch_io is not None else PortableBatches()
         )
+        self.use_small_topics = self._batches.use_small_topics
         self.credit_store = self._batches.credit_store
         """Keeps Credits for the sender; None without the C extension."""
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -240,10 +260,11 @@ class UdpSocket:
             return None
         return size, sender
 
-    def receive_batch(self, slots: ReceiveSlots, credits: CreditState) -> Optional[PartBatch]:
+    def receive_batch(self, slots: ReceiveSlots, credits: CreditState) -> Received:
         """Wait for the predicted parts or any other datagram; return None if nothing came.
 
-        Parts are received into their slots and may be acknowledged.
+        Parts are received into their slots and may be acknowledged. After `use_small_topics`, the
+        datagram may be returned as its message.
         """
         batch, error = self._batches.receive(self._socket, slots, credits)
         self.kernel_drops = self._batches.drops or self.kernel_drops

@@ -36,6 +36,11 @@ class DeliveryReports:
         self._reassembler = reassembler
         self._outcomes: Deque[_Outcome] = deque()  # appended in any thread
 
+    @property
+    def waiting(self) -> int:
+        """Number of outcomes that `update_logs` will enter."""
+        return len(self._outcomes)
+
     def mark_published(self, message: Message, sender: Address, wall_nanos: int) -> None:
         """Record, in any thread, that a message reached its user at this time."""
         key = key_of(message)

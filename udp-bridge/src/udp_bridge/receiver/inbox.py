@@ -11,10 +11,10 @@ from typing import Callable, List, Optional, Tuple, cast
 
 from udp_bridge.wire.address_validation import AddressChallenge, AddressResponse
 from udp_bridge.wire.control import Credit, CreditRequest, LinkReport, TopicReport
-from udp_bridge.wire.header import Header, Refused, header_size, parse
+from udp_bridge.wire.header import NANOS, Header, Refused, header_size, parse
 from udp_bridge.wire.message import Address, DatagramKey, Message
 from udp_bridge.wire.repair import Request, parse_resend
-from udp_bridge.wire.types import CONTROL, REPAIR, RESEND
+from udp_bridge.wire.types import CONTROL, REPAIR, RESEND, ROS_TYPES
 
 from .delivery import message_of
 from .delivery_reports import Answer, DeliveryReports, SentReport
@@ -22,9 +22,14 @@ from .limits import Limits
 from .peers import Peer, PeerTable
 from .reassembly import Reassembler
 from .receive_slots import CreditState, PartBatch, ReceiveSlots, SlotPredictor
+from .small_topics import SmallTopics
 
 CREDIT_SHARE = 8
 """A Credit is due at the latest when one part in this many of the receive buffer has arrived."""
+UNLOGGED = 64
+"""Most messages, or outcomes of messages, that wait to be entered into the delivery logs..."""
+LOG_NANOS = NANOS // 10
+"""...and the longest time that they wait."""
 _CREDIT_BODY = 12
 _REQUEST_BODY = 8
 """Without its bitmap."""
@@ -69,11 +74,12 @@ class Inbox:
         self._on_delegation_done = on_delegation_done
         self._on_challenge = on_challenge
         self._reports = DeliveryReports(self.reassembler)
-        self.update_logs = self._reports.update_logs
+        self._logged_nanos = 0
         self.mark_published = self._reports.mark_published
         self.mark_dropped = self._reports.mark_dropped
         self._peers = PeerTable(self.reassembler.limits.senders)
         self._predictor = SlotPredictor(self.reassembler.pool)
+        self.small_topics = SmallTopics()
 
     @property
     def last_reports(self) -> List[SentReport]:
@@ -92,6 +98,10 @@ class Inbox:
         now_nanos
             A monotonic clock.
         """
+        message = self.small_topics.take(datagram, sender, now_nanos)
+        if message is not None:
+            return message, None
+        self._record_delivered()
         self.datagrams += 1
         size = len(datagram)
         self.bytes_received += size
@@ -112,6 +122,11 @@ class Inbox:
                 self._receive_request(header, message, sender)
             return None, None
         if header.parts_max == 1:
+            if message is not None and header.msg_type in ROS_TYPES:
+                state = self.reassembler.steady_topic(header, sender)
+                if state is not None:
+                    packed = bytes(datagram[:offset])
+                    state.small = self.small_topics.follow(header, packed, sender)
             return message, None
         if message is None and header.msg_type != REPAIR:
             assembly = self.reassembler.open_message(header, sender, now_nanos)
@@ -140,6 +155,8 @@ class Inbox:
         All parts that lie in their slots are one element, the unmatched datagram is another one.
         """
         received = []
+        if batch.part_ranges or batch.mailbox_credits:
+            self._record_delivered()
         if batch.mailbox_credits:
             self._count_mailbox_credits(batch, now_nanos)
         if batch.is_delegation_done:
@@ -227,6 +244,36 @@ class Inbox:
             self.requests_sent += 1
         return answers
 
+    def update_logs(self) -> None:
+        """Enter messages and their outcomes into the delivery logs."""
+        self._record_delivered()
+        self._reports.update_logs()
+
+    def update_logs_if_due(self, now_nanos: int) -> None:
+        """Update the logs now and then, because the next message should not wait for it."""
+        if (
+            len(self.small_topics.delivered) >= UNLOGGED
+            or self._reports.waiting >= UNLOGGED
+            or now_nanos - self._logged_nanos >= LOG_NANOS
+        ):
+            self._logged_nanos = now_nanos
+            self.update_logs()
+
+    def _record_delivered(self) -> None:
+        """Do for small messages that were delivered at once what follows a delivery."""
+        delivered = self.small_topics.delivered
+        if not delivered:
+            return
+        self.reassembler.log_delivered()
+        for topic, message, size, now_nanos in delivered:
+            peer = self._peers.record(topic.sender, now_nanos)
+            peer.goodput_bytes += size
+            self.bytes_received += size
+            self.reassembler.record(topic, message, now_nanos)
+        self.datagrams += len(delivered)
+        self.reassembler.expire(delivered[-1].now_nanos)
+        delivered.clear()
+
     def reset_prediction(self) -> None:
         """Predict nothing until the next part arrives."""
         self._predictor = SlotPredictor(self.reassembler.pool)
@@ -238,6 +285,7 @@ class Inbox:
 
     def reports(self, now_nanos: int, wall_nanos: int) -> List[Answer]:
         """Return reports to all senders that sent something lately, as datagrams to send."""
+        self._record_delivered()
         link_report = LinkReport.of(
             self.receive_buffer,
             self.datagrams,
@@ -255,6 +303,8 @@ class Inbox:
         """
         self._on_credit = self._on_report = self._on_request = _ignore
         self._on_delegation_done = self._on_challenge = _ignore
+        self._record_delivered()
+        self.small_topics.close()
         self.reassembler.close()
         self.reset_prediction()
 

@@ -18,6 +18,7 @@ from .assembly import Assembly
 from .delivery_log import Counters, DeliveryLog
 from .nack import NackTracker
 from .ordering import MAX_BEHIND, MessageKey, TopicOrder
+from .small_topics import SmallTopic
 
 
 class Limits(NamedTuple):
@@ -80,7 +81,17 @@ class SenderState:
 class TopicState:
     """One type and topic of one sender."""
 
-    __slots__ = ("_totals", "duplicates", "link", "log", "nacks", "open", "order", "sender")
+    __slots__ = (
+        "_totals",
+        "duplicates",
+        "link",
+        "log",
+        "nacks",
+        "open",
+        "order",
+        "sender",
+        "small",
+    )
 
     def __init__(self, sender: SenderState, totals: Counters) -> None:
         self.sender = sender
@@ -93,7 +104,15 @@ class TopicState:
         """Since the last restart of the sender."""
         self.nacks: Optional[NackTracker] = None
         """Set once the sender has offered to resend."""
+        self.small: Optional[SmallTopic] = None
+        """Set while the topic is followed as a small one."""
         self._totals = totals
+
+    def end_small(self) -> None:
+        """Have the next message take the ordinary path."""
+        if self.small is not None:
+            self.small.end()
+            self.small = None
 
     def restart(self) -> None:
         """Start over, as for an unknown sender; `duplicates` continues."""
@@ -289,6 +308,7 @@ class SenderTable:
 
     def _forget_topic(self, sender: SenderState, key: TopicKey) -> None:
         topic = sender.topics.pop(key)
+        topic.end_small()
         self.give_up_topic(topic)
         self._topic_count -= 1
         self._offered_count -= topic.nacks is not None

@@ -140,12 +140,21 @@ class TopicOrder:
         key = (seq_number, stamp)
         if key in self._finished or (stamp < self._last_stamp and msg_type in STAMP_ORDERED):
             return False
+        self.record_next(key, now_nanos)
+        return True
+
+    def record_next(self, key: MessageKey, now_nanos: int) -> None:
+        """Record a delivered message that is the next one."""
         self._remember(key)
-        self._last_seq = seq_number
-        self._last_stamp = stamp
+        self._last_seq, self._last_stamp = key
         self._suspect = None
         self._last_delivery_nanos = now_nanos
-        return True
+
+    def is_at_end(self, header: Header) -> bool:
+        """Tell whether a message is the last delivered one, and no later one is finished."""
+        return header.seq_number == self._last_seq and not any(
+            ahead_by(number, header.seq_number) > 0 for number, _ in self._finished
+        )
 
     def mark_finished(self, header: Header) -> None:
         """Remember that this message needs no more parts."""

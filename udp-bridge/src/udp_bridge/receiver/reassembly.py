@@ -13,7 +13,7 @@ from typing import Hashable, List, Optional, Tuple
 
 from udp_bridge.wire import control, fec
 from udp_bridge.wire.header import Buffer, Header, Refused, parse
-from udp_bridge.wire.message import Message
+from udp_bridge.wire.message import Message, TopicKey
 from udp_bridge.wire.repair import Offer, parse_resend, parse_symbol
 from udp_bridge.wire.reports import TopicReport
 from udp_bridge.wire.types import CONTROL, REPAIR, RESEND, SUBSCRIBE
@@ -26,6 +26,7 @@ from .nack import Nack, NackTracker
 from .ordering import MessageKey, key_of
 from .pool import BlockPool
 from .receive_slots import PartBatch, ReceiveSlots
+from .small_topics import SmallTopic
 
 _NOT_DELIVERED = (control.CreditRequest, control.AddressChallenge, control.AddressResponse)
 
@@ -96,7 +97,7 @@ class Reassembler:
             control.Subscribe.parse(part)
         if self._senders.memory_bytes:  # it may contradict an open message
             self._check(header, len(part), sender, now_nanos)
-        topic = self._senders.topic(sender, (header.msg_type, header.topic))
+        topic = self._topic(sender, (header.msg_type, header.topic))
         is_plain = header.parts_max == 1 and topic.nacks is None and not topic.open
         if is_plain and topic.order.deliver_next(header, now_nanos):
             topic.link = header.link
@@ -144,6 +145,7 @@ class Reassembler:
         topic = self._senders.find(sender, (header.msg_type, header.topic))
         assembly = None
         if topic is not None:
+            topic.end_small()
             if batch.part_ranges == ((0, header.parts_max),) and not slots.is_open:
                 message = self._accept_whole(topic, header, slots, batch, now_nanos)
                 if message is not None:
@@ -156,6 +158,7 @@ class Reassembler:
                 assembly = self._assembly_in(topic, header, slots, now_nanos)
         if topic is None or assembly is None:
             return self._accept_each(header, slots, batch, now_nanos)
+        self._rules.log_delivered()
         self._senders.topic(sender, (header.msg_type, header.topic))  # now the one used last
         topic.link = header.link
         topic.log.mark_arrived(header)
@@ -244,6 +247,31 @@ class Reassembler:
                 self.counters.refuse(refused.reason)
         return message
 
+    def steady_topic(self, header: Header, sender: Hashable) -> Optional[TopicState]:
+        """Return the topic of a delivered message if the next one in order will be delivered too.
+
+        Number and stamp tell that while its messages have one part and nothing is to be repaired.
+        """
+        topic = self._senders.find(sender, (header.msg_type, header.topic))
+        if topic is None or topic.nacks is not None or topic.open:
+            return None
+        return topic if topic.order.is_at_end(header) else None
+
+    def record(self, small: SmallTopic, message: Message, now_nanos: int) -> None:
+        """Apply the rules to a message of a steady topic that its user has got already."""
+        topic = self._senders.topic(small.sender, small.key)
+        topic.order.record_next(key_of(message), now_nanos)
+        topic.link = message.link
+        self.counters.messages += 1
+        topic.log.mark_delivered(key_of(message), len(message.body))
+
+    def _topic(self, sender: Hashable, key: TopicKey) -> TopicState:
+        """Return the topic of a datagram that takes the ordinary path, as the one used last."""
+        self._rules.log_delivered()
+        topic = self._senders.topic(sender, key)
+        topic.end_small()
+        return topic
+
     def take_nacks(self) -> List[Tuple[Hashable, str, Nack]]:
         """Return the requests that became due since the last call, with sender and topic."""
         nacks, self.pending_nacks = self.pending_nacks, []
@@ -308,7 +336,7 @@ class Reassembler:
         body = parse_resend(part)
         if not isinstance(body, Offer):
             return message_of(header, part)
-        topic = self._senders.topic(sender, (body.msg_type, header.topic))
+        topic = self._topic(sender, (body.msg_type, header.topic))
         nacks = self._senders.track_nacks(topic)
         if nacks is not None:
             self._rules.detect_offered_restart(topic, nacks, header, now_nanos)
@@ -337,7 +365,7 @@ class Reassembler:
             known.check_symbol(symbol, data)
         elif not self._senders.may_begin(sender, now_nanos):
             raise Refused("busy")
-        topic = self._senders.topic(sender, (source.msg_type, source.topic))
+        topic = self._topic(sender, (source.msg_type, source.topic))
         self._rules.detect_restart(topic, source, now_nanos)
         if topic.order.is_finished(source) or self._rules.drops_jump(topic, source, now_nanos):
             return None

@@ -13,6 +13,14 @@
 #include <sys/socket.h>
 #include <time.h>
 
+#if PY_VERSION_HEX < 0x030A0000
+static inline PyObject *Py_NewRef(PyObject *object)
+{
+    Py_INCREF(object);
+    return object;
+}
+#endif
+
 // Offsets in a header, message types and sizes of the wire format; see PROTOCOL.md.
 enum {
     SEQ_NUMBER = 2, PART_NUMBER = 6, PARTS_MAX = 7, TIME = 8, TIME_NSEC = 12, TOPIC_SIZE = 16,
@@ -112,6 +120,12 @@ struct part_batch {
     PyThreadState *thread; // while the interpreter lock is released
 };
 
+// Topics of small messages, as in `small_topics.py`.
+struct small_topics {
+    PyObject *table, *delivered; // a dict and a list
+    PyObject *message_type, *record_type; // named tuples
+};
+
 static inline char *slot_of(const struct part_batch *batch, int number)
 {
     return (char *)batch->block.buf + number * batch->part_size;
@@ -123,6 +137,8 @@ int send_range(int fd, const struct parts *parts, int first, int count, int *err
 void copy_datagram(const struct part_batch *batch, const unsigned char *head, Py_ssize_t size,
                    char *to);
 struct mailbox *mailbox_in(const Py_buffer *memory);
+int are_small_topics(const struct small_topics *small);
+PyObject *take_small(PyObject *datagram, PyObject *sender, const struct small_topics *small);
 int keep_credit(struct part_batch *batch, const unsigned char *head, Py_ssize_t size);
 
 // Functions of the module; arguments and results are documented at the definitions.

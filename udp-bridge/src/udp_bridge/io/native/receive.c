@@ -288,24 +288,27 @@ static int check_slots(struct part_batch *batch)
     return is_right;
 }
 
-// receive(fd, rest, *ReceiveSlots, *CreditState, is_flowing, memory of a mailbox)
-// -> None, or (PartBatch, errno, drops)
+// receive(fd, rest, *ReceiveSlots, *CreditState, is_flowing, memory of a mailbox, *SmallTopics)
+// -> None, or (PartBatch, errno, drops), or (Message, sender) of a small topic
 PyObject *receive(PyObject *self, PyObject *args)
 {
     struct part_batch batch = {.drops = -1};
+    struct small_topics small;
     int port, is_flowing;
     const char *host;
     (void)self;
-    if (!PyArg_ParseTuple(args, "iw*w*y*(si)niy*pLLpKIIIpw*", &batch.fd, &batch.rest,
+    if (!PyArg_ParseTuple(args, "iw*w*y*(si)niy*pLLpKIIIpw*O!O!OO", &batch.fd, &batch.rest,
                           &batch.block, &batch.predicted, &host, &port, &batch.part_size,
                           &batch.next, &batch.arrived, &batch.is_open, &batch.nack_due_nanos,
                           &batch.debounce_nanos, &batch.may_nack, &batch.uncredited,
                           &batch.receive_buffer, &batch.control_number, &batch.goodput,
-                          &is_flowing, &batch.mailbox))
+                          &is_flowing, &batch.mailbox, &PyDict_Type, &small.table,
+                          &PyList_Type, &small.delivered, &small.message_type,
+                          &small.record_type))
         return NULL;
     PyObject *found = NULL, *unmatched = NULL, *sender = NULL, *ranges = NULL;
     unsigned char head[HEADER_ROOM];
-    if (!check_slots(&batch) || !mailbox_in(&batch.mailbox) ||
+    if (!check_slots(&batch) || !mailbox_in(&batch.mailbox) || !are_small_topics(&small) ||
         !to_address(host, port, &batch.sender))
         goto end;
     batch.last_size = batch.part_size;
@@ -315,8 +318,6 @@ PyObject *receive(PyObject *self, PyObject *args)
         found = Py_None;
         goto end;
     }
-    ranges = ranges_of(&batch);
-    if (!ranges) goto end;
     if (size >= 0) {
         char name[INET_ADDRSTRLEN] = "";
         inet_ntop(AF_INET, &batch.source.sin_addr, name, sizeof name);
@@ -324,7 +325,14 @@ PyObject *receive(PyObject *self, PyObject *args)
         if (unmatched) copy_datagram(&batch, head, size, PyBytes_AS_STRING(unmatched));
         sender = Py_BuildValue("si", name, ntohs(batch.source.sin_port));
         if (!unmatched || !sender) goto end;
+        if (!batch.ranges_count && !batch.kept) {
+            PyObject *message = take_small(unmatched, sender, &small);
+            if (message) found = Py_BuildValue("NO", message, sender);
+            if (message || PyErr_Occurred()) goto end;
+        }
     }
+    ranges = ranges_of(&batch);
+    if (!ranges) goto end;
     found = Py_BuildValue("(y#OniKOOsiKiy#L)iL", batch.header,
                           batch.ranges_count ? batch.predicted.len : 0, ranges, batch.last_size,
                           batch.credits, batch.uncredited, unmatched ? unmatched : Py_None,
