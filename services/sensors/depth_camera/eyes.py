@@ -29,7 +29,7 @@ FAR_M = 1e5
 
 
 class Sight(NamedTuple):
-    """Rendered depth and color. The next call overwrites the arrays."""
+    """Rendered depth and color."""
 
     depth_m: NDArray[np.float32]
     """Shape (height, width). Infinite in the sky and where the lens receives no ray."""

@@ -8,6 +8,7 @@ and have equal lenses and image sensors; each has its own noise.
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,13 @@ from services.sensors.rendering.optics.shutter import Shutter
 
 from .eye import Eye
 from .messages import ENCODINGS
+
+
+class _Seen(NamedTuple):
+    """A picture of one eye."""
+
+    drawn: Frame
+    behind_lens: Frame
 
 
 class CameraEye:
@@ -90,6 +98,7 @@ class CameraEye:
             Electronics(spec.imager, values, RandomStreams(spec.noise_seed(scenario.seed), each))
             for each in names
         ]
+        self._seen_last: list[_Seen | None] = [None] * len(names)
         self._optical_from_eye = np.tile(np.eye(4), (len(names), 1, 1))
         self._optical_from_eye[:, 0, 3] = to_the_right_m
         self.eye.renderer.exposure = self._electronics[0].brightness
@@ -98,7 +107,7 @@ class CameraEye:
         """Return the picture whose exposure begins at a sim time, with the noise of a tick.
 
         Shape (height, width, 3), red, green, blue, or (height, width) for encodings with one number
-        a pixel. The next picture may overwrite it.
+        a pixel. Don't change it: it may be returned again.
         """
         light = self._shutter.exposed(lambda offset: self._seen(nanos + offset, eye).color)
         return self._electronics[eye].read(self._filtered(light), tick)
@@ -130,4 +139,7 @@ class CameraEye:
     def _seen(self, nanos: int, eye: int) -> Frame:
         """Return the picture behind the lens of an eye at a sim time, as for `Eye.move`."""
         world_from_eye = self.eye.move(nanos) @ self._optical_from_eye[eye]
-        return self._lens.seen(self.eye.renderer.draw(world_from_eye))
+        drawn, seen = self.eye.renderer.draw(world_from_eye), self._seen_last[eye]
+        if seen is None or seen.drawn is not drawn:
+            seen = self._seen_last[eye] = _Seen(drawn, self._lens.seen(drawn))
+        return seen.behind_lens

@@ -52,7 +52,7 @@ def image(stamp_nanos: int, frame: str, encoding: str, pixels: NDArray[np.generi
         width=width,
         encoding=encoding,
         row_bytes=pixels.nbytes // height,
-        data=packed(np.array(pixels, order="C")),  # a copy: frames are overwritten
+        data=packed(pixels),
     )
 
 

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Renderer: pictures of the world around a sensor, through a pinhole camera.
 
-The same poses give the same bits, whatever was drawn before, for one version of a driver. A
-renderer has one context, which is current while it draws, and one picture size. For several points
-of view (two eyes, the poses during an exposure) draw several times.
+The same poses give the same bits, whatever was drawn before, for one version of a driver. So a view
+that has just been drawn is returned again while nothing moves, as in front of a vehicle that stands.
+A renderer has one context, which is current while it draws, and one picture size. For several
+points of view (two eyes, the poses during an exposure) draw several times.
 """
 
 import weakref
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -30,6 +32,16 @@ from .shadows import ShadowMaps
 from .silhouettes import Silhouettes
 from .stage import Stage, Things
 from .target import ColorTarget, Frame, Layer, TruthTarget
+
+MOST_HELD = 2
+"""Views that are kept while nothing moves: those of a pair of eyes."""
+
+
+class _Drawn(NamedTuple):
+    """A view that was drawn."""
+
+    frame: Frame
+    clip_from_world: Floats
 
 
 class Renderer:
@@ -109,8 +121,11 @@ class Renderer:
         self._shadows = ShadowMaps(context, self._stage, self._programs.shadow, light)
         self._textures: dict[Skin, list[moderngl.Texture]] = {}
         self._pinhole = pinhole
-        self._nothing = Frame(np.empty((0, 0, 3), np.uint8), np.empty((0, 0), np.float32), None)
-        self._clip_from_world: Floats = np.eye(4)
+        nothing = Frame(np.empty((0, 0, 3), np.uint8), np.empty((0, 0), np.float32), None)
+        self._nothing = nothing
+        self._placed: Floats = np.empty((0, 7))
+        self._held: dict[tuple[bytes, float], _Drawn] = {}
+        self._last = _Drawn(nothing, np.eye(4))
         self.exposure = 1.0
 
     @property
@@ -123,16 +138,27 @@ class Renderer:
         with self._context:
             self._stage.add(mesh)
         self._shadows.forget()
+        self._held.clear()
 
     def place(self, world_from_link: Floats) -> None:
         """Set the pose of every link of the world, shape (links, 7)."""
+        if np.array_equal(world_from_link, self._placed):
+            return
+        self._placed = world_from_link.copy()
+        self._held.clear()
         with self._context:
             self._stage.place(world_from_link)
 
     def draw(self, world_from_optical: Floats) -> Frame:
         """Return the view from a pose, shape (4, 4), with all links where they were placed."""
-        with self._context:
-            return self._drawn(world_from_optical)
+        view = world_from_optical.tobytes(), self.exposure
+        if view not in self._held:
+            while len(self._held) >= MOST_HELD:
+                del self._held[next(iter(self._held))]
+            with self._context:
+                self._held[view] = self._drawn(world_from_optical)
+        self._last = self._held[view]
+        return self._last.frame
 
     def visible_shares(self, labels: Sequence[int]) -> list[float]:
         """Return which share of each object's pixels the view that was drawn last shows.
@@ -149,17 +175,18 @@ class Renderer:
                     number=len(self._skies) - 1,
                     sky=self._skies[-1],
                 )
-            shown = self._truth.counts(len(self.labels.instances))
+            frame, clip_from_world = self._last
+            shown = frame.counts(len(self.labels.instances))
             return [
-                float(shown[label] / self._silhouettes.covered(label, self._clip_from_world))
+                float(shown[label] / self._silhouettes.covered(label, clip_from_world))
                 for label in labels
             ]
 
-    def _drawn(self, world_from_optical: Floats) -> Frame:
+    def _drawn(self, world_from_optical: Floats) -> _Drawn:
         eye, world_from_turned = world_from_optical[:3, 3], world_from_optical[:3, :3]
         clip_from_turned = self._pinhole.clip_from_optical()
         clip_from_turned[:, :3] @= world_from_turned.T
-        clip_from_world = self._clip_from_world = clip_from_turned.copy()
+        clip_from_world = clip_from_turned.copy()
         clip_from_world[:, 3] -= clip_from_turned[:, :3] @ eye
         if self._color:
             self._shadows.update(eye)
@@ -201,7 +228,7 @@ class Renderer:
         if self._truth:
             depth_m, labels = self._truth.read()
             frame = replace(frame, depth_m=depth_m, labels=labels)
-        return frame
+        return _Drawn(frame, clip_from_world)
 
     def _put_on(self, skin: Skin) -> None:
         if skin not in self._textures:

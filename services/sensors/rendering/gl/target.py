@@ -7,7 +7,7 @@ first.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
 import moderngl
 import numpy as np
@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from groundlink.core.frames import Floats
 
 from .shaders import shader
+
+Pixels = TypeVar("Pixels", NDArray[np.uint8], NDArray[np.float32], NDArray[np.int32])
 
 Layer = Literal["color", "depth", "labels", "soils"]
 """`soils` gives each material of the terrain a label of its own."""
@@ -37,7 +39,7 @@ MOST_AT_ONCE = 4
 
 @dataclass(frozen=True)
 class Frame:
-    """One picture. The next picture of the same renderer overwrites the arrays.
+    """One picture. The arrays are read-only, because the renderer may return them again.
 
     A layer that the renderer does not draw is empty.
     """
@@ -50,6 +52,11 @@ class Frame:
 
     labels: NDArray[np.int32] | None
     """Shape (height, width): numbers of `Renderer.labels`, -1 in the sky; None if not drawn."""
+
+    def counts(self, most: int) -> NDArray[np.intp]:
+        """Return the pixels of each label below `most`; labels must be drawn."""
+        assert self.labels is not None
+        return np.bincount(self.labels.ravel() + 1, minlength=most + 1)[1:]
 
 
 class ColorTarget:
@@ -79,7 +86,7 @@ class ColorTarget:
                 fragment_shader=shader("resolve.frag", FINER=finer),
             )
             self._resolve = context.vertex_array(resolve, [])
-        self._color = np.empty((height, width, 3), np.uint8)
+        self._shape = height, width, 3
 
     def begin(self) -> None:
         """Clear the depth. Colors need no clearing: the sky covers what nothing else covers."""
@@ -93,8 +100,8 @@ class ColorTarget:
             self._context.disable(moderngl.DEPTH_TEST)
             self._drawn.use(0)
             self._resolve.render(vertices=3)
-        self._read.read_into(self._color, components=3, alignment=1)
-        return self._color
+        color = np.empty(self._shape, np.uint8)
+        return _read_only(self._read, color, components=3)
 
 
 class TruthTarget:
@@ -111,8 +118,7 @@ class TruthTarget:
         nearest = context.depth_renderbuffer(size)
         self._frame = context.framebuffer(layers, nearest)
         self._nearest = context.framebuffer(depth_attachment=nearest)
-        self._depth_m = np.empty((height, width), np.float32)
-        self._labels = np.empty((height, width), np.int32) if labels else None
+        self._has_labels = labels
 
     def begin(self) -> None:
         """Clear the depth. The sky covers all that nothing else covers."""
@@ -146,14 +152,20 @@ class TruthTarget:
         """Draw everywhere again."""
         self._frame.scissor = 0, 0, *self._size
 
-    def counts(self, most: int) -> NDArray[np.intp]:
-        """Return the pixels of each label below `most` in the picture that was read last."""
-        assert self._labels is not None
-        return np.bincount(self._labels.ravel() + 1, minlength=most + 1)[1:]
-
     def read(self) -> tuple[NDArray[np.float32], NDArray[np.int32] | None]:
         """Return depth, and labels if they are drawn."""
-        self._frame.read_into(self._depth_m, components=1, dtype="f4")
-        if self._labels is not None:
-            self._frame.read_into(self._labels, components=1, attachment=1, dtype="i4")
-        return self._depth_m, self._labels
+        shape = self._size[::-1]
+        depth_m = _read_only(self._frame, np.empty(shape, np.float32), dtype="f4")
+        if not self._has_labels:
+            return depth_m, None
+        labels = np.empty(shape, np.int32)
+        return depth_m, _read_only(self._frame, labels, attachment=1, dtype="i4")
+
+
+def _read_only(
+    frame: moderngl.Framebuffer, pixels: Pixels, *, components: int = 1, **options: Any
+) -> Pixels:
+    """Return `pixels`, filled from a frame and read-only from now on."""
+    frame.read_into(pixels, components=components, alignment=1, **options)
+    pixels.flags.writeable = False
+    return pixels

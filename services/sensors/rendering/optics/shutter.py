@@ -72,8 +72,7 @@ class Shutter:
     def exposed(self, drawn: Callable[[int], NDArray[np.uint8]]) -> NDArray[np.uint8]:
         """Return one picture, (height, width, 3), from those that `drawn` returns for offsets.
 
-        Offsets are in nanoseconds after the beginning. The next picture may overwrite what `drawn`
-        returned.
+        Offsets are in nanoseconds after the beginning.
         """
         if len(self._views) == 1:
             return drawn(self._views[0].offset_nanos)

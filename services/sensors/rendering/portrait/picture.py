@@ -51,7 +51,7 @@ def portrait(
     renderer.place(shown.poses)
     if shown.world.room:
         renderer.exposure = INDOORS
-    picture = renderer.draw(world_from_optical).color
+    picture = renderer.draw(world_from_optical).color.copy()
     mark(picture, shown.frames, shown.axis_m, pinhole, world_from_optical)
     return picture
 

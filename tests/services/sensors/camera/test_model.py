@@ -21,6 +21,7 @@ from services.sensors.camera.spec import Camera
 from services.sensors.rendering.cameras.eye import Eye
 from services.sensors.rendering.cameras.messages import jpeg
 from services.sensors.rendering.gl.target import ALL_LAYERS
+from services.sensors.rendering.optics.lens import LensOptics
 from services.sensors.runtime.model import LeftOut, stream_and_message
 from services.view.drawing import Track
 from tests.services.sensors.states import EPOCH_NANOS
@@ -205,6 +206,26 @@ def test_a_picture_is_of_its_own_instant() -> None:
         eye.restart()
         eye.take(resting(1, (0.2 * tick, 0.0, 0.0))[0])
         assert np.abs(pixels(second).astype(int) - eye.look(0).color).max() > 20
+
+
+def test_a_vehicle_that_trembles_at_rest_is_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its pictures are equal but for noise, and one that moves has others."""
+    bends = []
+    seen = LensOptics.seen
+    monkeypatch.setattr(LensOptics, "seen", lambda *args: bends.append(1) or seen(*args))
+    trembling = [(1e-8 * (-1) ** tick, 0.0, 0.0) for tick in range(30)]
+    driving = [(1e-4 * tick, 0.0, 0.0) for tick in range(30)]
+    lens = Lens(distortion=(-0.2, 0.05, 0.0, 0.0))
+    for positions, expected in ((trembling, 1), (driving, 3)):
+        bends.clear()
+        images = taken(camera(publish="raw", lens=lens), list(moving(positions)))["image"]
+        assert len(images) == 3
+        assert len(bends) == expected
+        equal = [np.array_equal(pixels(images[0]), pixels(image)) for image in images]
+        assert equal == [True, *[expected == 1] * 2]
+    grainy = camera(publish="raw", lens=lens, imager=Imager(**GRAIN))
+    first, second, _ = map(pixels, taken(grainy, list(moving(trembling)))["image"])
+    assert not np.array_equal(first, second)
 
 
 def test_tf_leads_to_the_optical_frame() -> None:

@@ -18,7 +18,7 @@ from groundlink.world.solids import Material
 from groundlink.world.weather import Lamps, Sun, Weather
 from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
-from services.sensors.rendering.gl.target import ALL_LAYERS
+from services.sensors.rendering.gl.target import ALL_LAYERS, Frame
 from services.sensors.rendering.look.mesh import VERTEX, Skin, SkinnedMesh
 from tests.services.sensors.rendering import views
 from tests.services.sensors.yards import box, yard
@@ -121,6 +121,40 @@ def test_a_vehicle_takes_its_shadow_along_and_the_same_bits_come_back() -> None:
     fresh = Renderer(scenario.world, around, views.SMALL)
     assert seen(fresh, here) == first
     assert seen(fresh, there) == seen(made, there)
+
+
+def test_views_are_drawn_again_only_after_a_change() -> None:
+    scenario = views.laboratory()
+    around = views.world_replica(scenario)
+    left, right = (views.looking((-4.0, y, 0.5)) for y in (0.1, 0.0))
+    here, there = (views.parked(around, (x, 0.0, 0.17)) for x in (-2.0, -1.0))
+    made = Renderer(scenario.world, around, views.SMALL, layers=ALL_LAYERS)
+
+    def pair() -> list[Frame]:
+        return [made.draw(view) for view in (left, right)]
+
+    made.place(here)
+    first = pair()
+    rover = [made.labels.of_mover("rover")]
+    share = made.visible_shares(rover)
+    made.place(here.copy())
+    assert [now is before for now, before in zip(pair(), first, strict=True)] == [True, True]
+    assert made.draw(left) is first[0]
+    assert made.visible_shares(rover) != share, "those of the view that was asked for last"
+    with pytest.raises(ValueError, match="read-only"):
+        first[0].color[0] = 0
+
+    made.place(there)
+    assert not np.array_equal(made.draw(left).color, first[0].color)
+    made.place(here)
+    assert all(
+        np.array_equal(now.color, before.color) for now, before in zip(pair(), first, strict=True)
+    )
+    made.exposure = 0.5
+    assert made.draw(left).color.mean() < first[0].color.mean() - 20
+    made.exposure = 1.0
+    made.add(quad(Skin(np.zeros((8, 8, 3), np.uint8))))
+    assert not np.array_equal(made.draw(left).color, first[0].color)
 
 
 def test_a_vehicle_stands_in_the_shade() -> None:
@@ -285,5 +319,5 @@ def test_culling_removes_only_invisible_objects(
         return np.ones(len(boxes.middles), bool)
 
     monkeypatch.setattr(renderer, "seen", everything)
-    assert np.array_equal(made.draw(pose).color, culled)
+    assert np.array_equal(views.renderer(views.laboratory()).draw(pose).color, culled)
     assert counts[0] > 20
