@@ -153,6 +153,41 @@ static INLINED void mix_lanes(const struct motion *motion, const float share[LAN
         }
 }
 
+/* Leave only those lanes valid that enter a box; `far` is where they end. */
+static INLINED void pass_box(const struct box *box, const struct packet *own,
+                             const float far[LANES], int32_t valid[LANES])
+{
+    float entry[LANES], exit[LANES], rounded[LANES];
+    EACH_LANE {
+        entry[lane] = 0;
+        exit[lane] = far[lane];
+        rounded[lane] = 1e-6f * (fabsf(own->origin[0][lane]) + fabsf(own->origin[1][lane]) +
+                                 fabsf(own->origin[2][lane]));
+    }
+    for (int axis = 0; axis < 3; axis++) {
+        const float low = box->low[axis], high = box->high[axis];
+        EACH_LANE {
+            const float origin = own->origin[axis][lane], direction = own->direction[axis][lane];
+            /* Never infinite: infinity times 0 is no number. */
+            const float inverse = copysignf(1 / higher(fabsf(direction), 1e-30f), direction);
+            const float a = (low - rounded[lane] - origin) * inverse;
+            const float b = (high + rounded[lane] - origin) * inverse;
+            entry[lane] = higher(lower(a, b), entry[lane]);
+            exit[lane] = lower(higher(a, b), exit[lane]);
+        }
+    }
+    EACH_LANE
+        valid[lane] = entry[lane] <= exit[lane] * 1.00001f ? valid[lane] : 0;
+}
+
+static INLINED int any(const int32_t valid[LANES])
+{
+    int32_t found = 0;
+    for (int lane = 0; lane < LANES; lane++)
+        found |= valid[lane];
+    return found;
+}
+
 /* Meet a body, if any ray passes its ball at its own instant, before what it met so far. */
 static INLINED void meet_body(const struct ray_world *around, int32_t body, struct rays *rays)
 {
@@ -185,10 +220,7 @@ static INLINED void meet_body(const struct ray_world *around, int32_t body, stru
         passes = -along - half <= world->far[lane] ? passes : 0;
         valid[lane] = half - along >= 0 ? passes : 0;
     }
-    int32_t passing = 0;
-    for (int lane = 0; lane < LANES; lane++)
-        passing |= valid[lane];
-    if (!passing)
+    if (!any(valid))
         return;
     read_motion(around, body, rays, 3, 7, &motion);
     mix_lanes(&motion, rays->share, q);
@@ -197,6 +229,9 @@ static INLINED void meet_body(const struct ray_world *around, int32_t body, stru
                            q[2][lane] * q[2][lane] + q[3][lane] * q[3][lane]);
     turn_back(q, twice, offset, own->origin);
     turn_back(q, twice, world->direction, own->direction);
+    pass_box(&around->boxes[body], own, world->far, valid);
+    if (!any(valid))
+        return;
     memcpy(own->far, world->far, sizeof own->far);
     find(around, body + 1, valid, own);
     EACH_LANE {

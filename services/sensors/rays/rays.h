@@ -74,6 +74,7 @@ struct ray_world {
     const int32_t *first_triangle; /* of each scene, and their end */
     const double (*poses)[7];      /* world_from_body: steps, bodies */
     const double *radii;           /* of the balls about the bodies' origins that hold their meshes */
+    const struct box *boxes;       /* of each body's mesh, in the body's frame */
     const struct node *nodes;      /* of the tree of these balls, each over its whole way */
     const int32_t *order;
     const struct terrain *terrain; /* or NULL */

@@ -62,7 +62,7 @@ class _RayWorld(ctypes.Structure):
     _fields_ = (
         *((name, c_void_p) for name in ("intersect", "scenes")),
         *((name, c_void_p) for name in ("vertices", "faces", "labels", "first_triangle")),
-        *((name, c_void_p) for name in ("poses", "radii", "nodes", "order", "terrain")),
+        *((name, c_void_p) for name in ("poses", "radii", "boxes", "nodes", "order", "terrain")),
         *((name, c_int) for name in ("steps", "bodies")),
     )
 
@@ -107,6 +107,16 @@ class Scene:
         self._radii: Floats = np.array(
             [np.linalg.norm(mesh.vertices, axis=1).max(initial=0) for mesh in bodies], np.float64
         ) * (1 + MARGIN)
+        self._boxes: Reals = np.array(
+            [
+                [
+                    mesh.vertices.min(axis=0, initial=np.inf),
+                    mesh.vertices.max(axis=0, initial=-np.inf),
+                ]
+                for mesh in bodies
+            ],
+            np.float32,
+        )
         self._hits: dict[tuple[int, ...], Hits] = {}
         self.move(np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (2, len(bodies), 1)))
 
@@ -146,7 +156,7 @@ class Scene:
         hits = self._hits[shape]
         meshes, tree = self._meshes, self._tree
         known = meshes.vertices, meshes.faces, meshes.labels, meshes.first_triangle
-        moved = self._poses, self._radii, tree.nodes, tree.order
+        moved = self._poses, self._radii, self._boxes, tree.nodes, tree.order
         around = _RayWorld(
             self._engine.intersect,
             ctypes.addressof(self._scenes),
