@@ -33,14 +33,16 @@ class Schedule:
         """Return the schedule of a rate from a scenario."""
         return cls(exact(rate_hz))
 
+    # Integers, not fractions, which take ten times as long: models ask at every tick.
+
     def nanos(self, index: int) -> int:
         """Return the sim time of event `index`, rounded down to whole nanoseconds."""
-        return int(index * NANOS / self.rate_hz)
+        return index * NANOS * self.rate_hz.denominator // self.rate_hz.numerator
 
     def tick(self, index: int) -> int:
         """Return the first tick at or after event `index`; its state completes the measurement."""
-        ticks = index * NANOS / (self.rate_hz * TICK_NANOS)
-        return -int(-ticks // 1)
+        nanos = index * NANOS * self.rate_hz.denominator
+        return -(-nanos // (self.rate_hz.numerator * TICK_NANOS))
 
     def first_at_or_after(self, tick: int) -> int:
         """Return the index of the first event at or after `tick`."""
@@ -48,7 +50,7 @@ class Schedule:
 
     def at_or_after_nanos(self, nanos: int) -> int:
         """Return the index of the first event at or after a sim time."""
-        return -int(-(nanos * self.rate_hz / NANOS) // 1)
+        return -(-nanos * self.rate_hz.numerator // (NANOS * self.rate_hz.denominator))
 
     def between(self, tick: int, later: int) -> int:
         """Return the number of events strictly between the events of two ticks."""

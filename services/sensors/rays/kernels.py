@@ -17,7 +17,7 @@ _NAME = "services.sensors.rays._kernels"
 
 _SIGNATURES: dict[str, tuple[Any, ...]] = {
     # Result, then arguments.
-    "groundlink_trace": (None, c_void_p, *[c_size_t] * 3, c_float, *[c_void_p] * 7),
+    "groundlink_trace": (None, c_void_p, c_size_t, c_float, *[c_void_p] * 7),
     "groundlink_tree": (None, c_void_p, c_int32, c_int32, c_void_p, c_void_p),
     "groundlink_sweep": (
         *(None, c_void_p, c_void_p, c_size_t, c_double),

@@ -8,15 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* A loop that is compiled twice, for processors with AVX2 and for all others; which one is called is
- * decided when the library is loaded. Both give the same bits: compilers may neither contract nor
- * reorder operations here. */
-#if defined(__x86_64__) && defined(__GLIBC__)
-#define VECTORIZED __attribute__((target_clones("avx2", "default")))
-#else
-#define VECTORIZED
-#endif
-#define INLINED inline __attribute__((always_inline)) /* into it */
+#include "vectorized.h"
 
 /* As many as an AVX2 register holds. Packets of 16, which Embree cuts up on such processors, took
  * more than twice as long. */

@@ -9,7 +9,6 @@ and orientations by nlerp. Ranges are exact within float32: origins of rays are 
 import ctypes
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from ctypes import c_int, c_void_p
 from dataclasses import dataclass
 from functools import cache
@@ -26,14 +25,8 @@ from .engine import RayEngine, SceneMeshes
 from .kernels import kernels
 from .terrain import Relief
 
-PACKET = 8
-"""Rays that `tracer.c` traces at once."""
-
 MARGIN = 1e-6
 """Relative margin of boxes around bodies, more than the rounding of rays."""
-
-_HELPER = ThreadPoolExecutor(1, "rays")
-"""Traces half of the rays. A result does not depend on the thread."""
 
 Reals = NDArray[np.float32]
 Numbers = NDArray[np.int32]
@@ -168,13 +161,5 @@ class Scene:
         ends = hits.range_m, hits.normal_in_world, hits.label, hits.body
         addresses = [array.ctypes.data for array in (*rays, *ends)]
 
-        def trace(begin: int, end: int) -> None:
-            kernels().groundlink_trace(
-                *(ctypes.byref(around), times.size, begin, end, max_range, *addresses)
-            )
-
-        half = times.size // 2 // PACKET * PACKET
-        other = _HELPER.submit(trace, half, times.size)
-        trace(0, half)
-        other.result()
+        kernels().groundlink_trace(ctypes.byref(around), times.size, max_range, *addresses)
         return hits

@@ -166,14 +166,14 @@ static INLINED void set_steps(const struct ray_world *around, struct rays *rays)
         rays->together &= rays->before[lane] == rays->before[0];
 }
 
-/* Start rays `first` to `end`, 8 at most, and meet the static world. */
-static INLINED void meet_world(const struct ray_world *around, size_t count, size_t first, size_t end,
-                              float max_range, const float *origins, const float *directions,
-                              const float *times, struct rays *rays)
+/* Start 8 rays from `first` on, or as many as there are, and meet the static world. */
+static INLINED void meet_world(const struct ray_world *around, size_t count, size_t first,
+                               float max_range, const float *origins, const float *directions,
+                               const float *times, struct rays *rays)
 {
     static const int32_t all[LANES] __attribute__((aligned(64))) = {-1, -1, -1, -1, -1, -1, -1, -1};
     struct packet *world = &rays->world;
-    const size_t lanes = end - first < LANES ? end - first : LANES;
+    const size_t lanes = count - first < LANES ? count - first : LANES;
     for (int axis = 0; axis < 3; axis++) {
         load(origins + axis * count + first, lanes, world->origin[axis]);
         load(directions + axis * count + first, lanes, world->direction[axis]);
@@ -206,11 +206,10 @@ static INLINED void fetch(const struct ray_world *around, const struct rays *ray
                     around->vertices[around->faces[rays->triangle[lane]][corner]]);
 }
 
-/* Trace rays `begin` to `end` of `count`. */
-VECTORIZED void groundlink_trace(const struct ray_world *around, size_t count, size_t begin, size_t end,
-                           float max_range, const float *origins, const float *directions,
-                           const float *times, float *range, float *normals, int32_t *labels,
-                           int32_t *bodies)
+/* Trace rays. */
+VECTORIZED void groundlink_trace(const struct ray_world *around, size_t count, float max_range,
+                                 const float *origins, const float *directions, const float *times,
+                                 float *range, float *normals, int32_t *labels, int32_t *bodies)
 {
     struct rays group[PACKETS] = {0};
     for (int packet = 0; packet < PACKETS; packet++) {
@@ -218,17 +217,17 @@ VECTORIZED void groundlink_trace(const struct ray_world *around, size_t count, s
         memset(group[packet].world.ids[GEOMETRY], -1, sizeof group->world.ids[GEOMETRY]);
         group[packet].own = group[packet].world;
     }
-    while (begin < end) {
+    for (size_t begin = 0; begin < count;) {
         int packets = 0;
-        for (size_t first = begin; first < end && packets < PACKETS; first += LANES)
-            meet_world(around, count, first, end, max_range, origins, directions, times,
+        for (size_t first = begin; first < count && packets < PACKETS; first += LANES)
+            meet_world(around, count, first, max_range, origins, directions, times,
                        &group[packets++]);
         if (around->bodies)
             groundlink_meet_bodies(around, group, packets);
         for (int packet = 0; packet < packets; packet++)
             fetch(around, &group[packet]);
         for (int packet = 0; packet < packets; packet++) {
-            const size_t lanes = end - begin < LANES ? end - begin : LANES;
+            const size_t lanes = count - begin < LANES ? count - begin : LANES;
             struct met met;
             meet_exactly(around, &group[packet], max_range, &met);
             store(met.range, lanes, range + begin);

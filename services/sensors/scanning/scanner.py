@@ -190,7 +190,7 @@ class Scanner:
     def restart(self) -> None:
         """Forget earlier states; measure from the next block on."""
         self.replica.restart()
-        self._block = self._tick = -1
+        self._block = self._tick = self._end_tick = -1
 
     def settled_tick(self) -> int:
         """Return the tick at which the present block began; -1 before the first state."""
@@ -215,7 +215,7 @@ class Scanner:
         if self._block < 0:
             self._begin(self.blocks.after(state.tick * TICK_NANOS))
         scans: list[Scan | LeftOut] = []
-        while self.blocks.end_tick(self._block) <= state.tick:
+        while self._end_tick <= state.tick:
             blocks = range(self._block, self.blocks.complete_by(state.tick, self._block))
             again_tick = self.blocks.end_tick(self._block + self.blocks.per_revolution)
             if again_tick <= state.tick + self._waiting:
@@ -226,7 +226,7 @@ class Scanner:
         return scans
 
     def _begin(self, block: int) -> None:
-        self._block = block
+        self._block, self._end_tick = block, self.blocks.end_tick(block)
         self.replica.forget(self.blocks.first_tick(block))
 
     def _scans(self, blocks: range) -> list[Scan]:

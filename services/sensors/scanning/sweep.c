@@ -8,6 +8,8 @@
 #include <math.h>
 #include <stddef.h>
 
+#include "../rays/vectorized.h"
+
 /* The head of a LiDAR; a structure of the same name in `sweep.py` fills it. */
 struct head {
     size_t lasers, firings;
@@ -20,7 +22,7 @@ struct head {
 
 /* Rotation world_from_sensor row by row, then the sensor's position, `ticks` after the first of
  * some states of the base (position, quaternion xyzw): linear, and nlerp as in groundlink.core.frames. */
-static void pose(const struct head *head, const double (*states)[7], size_t count, double ticks,
+static INLINED void pose(const struct head *head, const double (*states)[7], size_t count, double ticks,
                  double values[12])
 {
     size_t before = (size_t)ticks;
@@ -57,37 +59,47 @@ static void pose(const struct head *head, const double (*states)[7], size_t coun
 /* A value of the pose at an instant `late` seconds after a firing. */
 #define AT(row) (start[(row) * firings + firing] + late * rate[(row) * firings + firing])
 
+/* So many firings are swept together that their poses stay in the nearest cache. */
+enum { CHUNK = 128 };
+
 /* Start the rays of firings `first` to `end` of a revolution. `start` and `rate` are scratch: the 12
  * values of the pose at each firing, and their change a second until the next. */
-void groundlink_sweep(const struct head *head, const double (*states)[7], size_t count,
-                      double start_ticks, size_t first, size_t end, float *start, float *rate,
-                      float *origins, float *directions)
+VECTORIZED void groundlink_sweep(const struct head *head, const double (*states)[7], size_t count,
+                                 double start_ticks, size_t first, size_t end, float *start,
+                                 float *rate, float *origins, float *directions)
 {
     const size_t firings = head->firings, rays = head->lasers * firings;
     double values[2][12];
 
     pose(head, states, count, start_ticks + (double)first * head->ticks_per_firing,
          values[first % 2]);
-    for (size_t firing = first; firing < end; firing++) {
-        const double *now = values[firing % 2];
-        double *next = values[(firing + 1) % 2];
-        pose(head, states, count, start_ticks + (double)(firing + 1) * head->ticks_per_firing, next);
-        for (size_t row = 0; row < 12; row++) {
-            start[row * firings + firing] = (float)now[row];
-            rate[row * firings + firing] = (float)((next[row] - now[row]) / head->seconds_per_firing);
+    for (size_t begin = first; begin < end; begin += CHUNK) {
+        const size_t stop = end - begin < CHUNK ? end : begin + CHUNK;
+        for (size_t firing = begin; firing < stop; firing++) {
+            const double *now = values[firing % 2];
+            double *next = values[(firing + 1) % 2];
+            pose(head, states, count, start_ticks + (double)(firing + 1) * head->ticks_per_firing,
+                 next);
+            for (size_t row = 0; row < 12; row++) {
+                start[row * firings + firing] = (float)now[row];
+                rate[row * firings + firing] =
+                    (float)((next[row] - now[row]) / head->seconds_per_firing);
+            }
         }
-    }
-    for (size_t laser = 0; laser < head->lasers; laser++) {
-        const float late = head->late_seconds[laser], height = head->heights[laser];
-        const float *x = head->directions_in_sensor + laser * firings, *y = x + rays, *z = y + rays;
-        for (size_t axis = 0; axis < 3; axis++) {
-            float *restrict direction = directions + axis * rays + laser * firings;
-            float *restrict origin = origins + axis * rays + laser * firings;
-            for (size_t firing = first; firing < end; firing++) {
-                float up = AT(3 * axis + 2);
-                direction[firing] =
-                    AT(3 * axis) * x[firing] + AT(3 * axis + 1) * y[firing] + up * z[firing];
-                origin[firing] = AT(9 + axis) + up * height;
+        for (size_t laser = 0; laser < head->lasers; laser++) {
+            const float late = head->late_seconds[laser], height = head->heights[laser];
+            const float *x = head->directions_in_sensor + laser * firings, *y = x + rays,
+                        *z = y + rays;
+            for (size_t axis = 0; axis < 3; axis++) {
+                float *direction = directions + axis * rays + laser * firings;
+                float *origin = origins + axis * rays + laser * firings;
+#pragma GCC ivdep
+                for (size_t firing = begin; firing < stop; firing++) {
+                    float up = AT(3 * axis + 2);
+                    direction[firing] =
+                        AT(3 * axis) * x[firing] + AT(3 * axis + 1) * y[firing] + up * z[firing];
+                    origin[firing] = AT(9 + axis) + up * height;
+                }
             }
         }
     }
