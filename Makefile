@@ -43,9 +43,9 @@ test-units: setup ## run unit tests, import contracts, style and type checks
 environments: setup ## install third-party programs that tests of the experiments need
 	@flock .venv/.environments $(BIN)/python -m experiments $(patsubst %,--install %,$(PROGRAMS))
 
-test-system: environments ## run tests of the running system, two at a time
+test-system: environments ## run tests of the running system, three at a time
 	@$(PYTEST) -m "system and not alone and not stack and not nightly" --reruns=$(RERUNS) --durations=20 \
-		--numprocesses=2 --dist=loadfile --no-loadscope-reorder $(SYSTEM_TESTS)
+		--numprocesses=3 --dist=loadfile --no-loadscope-reorder $(SYSTEM_TESTS)
 
 test-alone: setup ## run tests that measure real-time rates, one at a time
 	@$(PYTEST) -m "alone" --reruns=$(RERUNS) --durations=20 $(SYSTEM_TESTS)

@@ -54,12 +54,14 @@ def test_style() -> None:
 
 @pytest.mark.timeout(400)  # Without mypy's cache, on busy cores.
 def test_types() -> None:
-    run("-m", "mypy", "groundlink", "services", "benchmarks", "experiments", "tools")
-    run("-m", "mypy", "udp-bridge/src/udp_bridge")
-    run("-m", "mypy", "ros/ros1/udp_bridge_ros1/src/udp_bridge_ros1")
-    run("-m", "mypy", "ros/ros2/udp_bridge_ros2/udp_bridge_ros2")
-    run("-m", "mypy", "ros/simulation_interfaces_tck/src/simulation_interfaces_tck")
-    run("-m", "mypy", "conformance/src/sensor_conformance")
+    run(
+        *("-m", "mypy", "groundlink", "services", "benchmarks", "experiments", "tools"),
+        "udp-bridge/src/udp_bridge",
+        "ros/ros1/udp_bridge_ros1/src/udp_bridge_ros1",
+        "ros/ros2/udp_bridge_ros2/udp_bridge_ros2",
+        "ros/simulation_interfaces_tck/src/simulation_interfaces_tck",
+        "conformance/src/sensor_conformance",
+    )
 
 
 def test_imports_run_one_way() -> None:
