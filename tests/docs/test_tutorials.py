@@ -140,7 +140,11 @@ AFTERWARDS: dict[str, Callable[[Path], None]] = {
 
 PAGES = sorted(page.stem for page in TUTORIALS.glob("*.md"))
 
-LONG = ("bisect", "navigate", "search", "your-own-world")
+LONG = (
+    *("bisect", "evaluate-slam", "lossy-radio", "navigate", "pass-or-fail", "search", "what-if"),
+    *("your-own-sensor", "your-own-world"),
+)
+"""Pages that are followed by `make nightly` alone. Other tests run what they show, each day."""
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,15 @@ def outputs(cell: Any) -> list[Any]:
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the kernel's client
-@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "notebook",
+    [
+        pytest.param(
+            file, id=file.stem, marks=[] if file.stem == "first_look" else [pytest.mark.nightly]
+        )
+        for file in NOTEBOOKS
+    ],
+)
 def test_notebook(notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder, files = tmp_path / "folder", tmp_path / "files"
     for name, used in (("TMPDIR", files), ("IPYTHONDIR", tmp_path / "ipython")):

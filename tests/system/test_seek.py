@@ -95,7 +95,7 @@ def go_on(it: Rig, bus: Bus, seconds: float) -> None:
     wait_for(lambda: run_status(bus, it.run).tick > until, 60, "the run goes on")
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize("name", ["rover", pytest.param("tank", marks=pytest.mark.nightly)])
 def test_goes_on_as_recorded(name: str, tmp_path: Path) -> None:
     scenario, run = tmp_path / f"{name}.yaml", tmp_path / "run.mcap"
     with rig(tmp_path) as it:

@@ -79,7 +79,7 @@ class Conversations(RuleBasedStateMachine):
 
 
 Conversations.TestCase.settings = settings(
-    max_examples=300,
+    max_examples=100,  # the same ones each time; fuzz.sequences draws others
     stateful_step_count=40,
     deadline=None,
     derandomize=True,

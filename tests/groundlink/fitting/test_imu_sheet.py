@@ -40,7 +40,10 @@ def wrong(sheet: str) -> CheckedDatasheet:
     return base._replace(figures=figures)
 
 
-@pytest.mark.parametrize("sheet", MADE)
+@pytest.mark.parametrize(
+    "sheet",
+    [pytest.param(s, marks=[] if s == "imu_mti1" else [pytest.mark.nightly]) for s in MADE],
+)
 def test_half_an_hour_fits_back_to_the_sheet(sheet: str) -> None:
     """Within three times the stated error, and within 20 % in every band."""
     spec = from_sheet(InertialUnit, sheet)

@@ -99,8 +99,7 @@ def test_every_point_is_in_the_tables_with_all_fields(
         assert row["top speed m/s"] == row["route.speed_mps"]
 
 
-@pytest.mark.parametrize("jobs", ["1", "3"])
-@pytest.mark.parametrize("guided", [False, True])
+@pytest.mark.parametrize(("jobs", "guided"), [("3", False), ("1", True)])
 def test_interrupted_search_continues_without_losing_or_repeating_a_point(
     jobs: str, guided: bool, evaluations: Evaluations, tmp_path: Path
 ) -> None:

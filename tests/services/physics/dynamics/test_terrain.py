@@ -66,7 +66,7 @@ def rolling(steepest: float = UPHILL, cell_m: float = 1.0) -> Terrain:
     return terrain(hills(301, steepest=steepest, cell_m=cell_m), cell_m)
 
 
-@pytest.mark.parametrize(("cell_m", "count"), [(0.25, 200), (10.0, 1000)])
+@pytest.mark.parametrize(("cell_m", "count"), [(0.25, 200), (10.0, 300)])
 def test_rays_of_physics_and_of_sensors_meet_the_same_triangles(cell_m: float, count: int) -> None:
     """At places all over a large map, the window moved to each: within 1 mm of each other."""
     random = np.random.default_rng(3)
@@ -147,8 +147,9 @@ def test_edges_of_level_triangles_are_not_felt(name: str) -> None:
     assert np.abs(driven.pose[:, 2] - model.base_height_m).max() < 1e-3
 
 
-@pytest.mark.parametrize("name", ["rover", "car", "tank"])
-@pytest.mark.parametrize("cell_m", [1.0, 0.5])
+@pytest.mark.parametrize(
+    ("name", "cell_m"), [("rover", 1.0), ("rover", 0.5), ("car", 0.5), ("tank", 1.0)]
+)
 def test_crosses_the_borders_of_windows_without_a_step(
     monkeypatch: pytest.MonkeyPatch, name: str, cell_m: float
 ) -> None:
@@ -179,7 +180,7 @@ def record(name: str) -> tuple[list[bytes], list[int]]:
         Simulation(world(rolling(cell_m=0.5), *((model, p) for p in places)), ()) as simulation,
     ):
         laid = lays(patch, simulation)
-        for tick in range(2400):
+        for tick in range(1600):
             if tick % 20 == 0:
                 for other in simulation.vehicle_states():
                     command = Command(simulation.sim_nanos, (12.0, 0.0, 0.0), (0.0, 0.0, 0.1))
@@ -319,8 +320,8 @@ def test_random_commands_on_rough_steep_cells_break_nothing(name: str) -> None:
     here = load_ground(terrain(rough, 0.5))
     model, twist, rows = shipped(name), (0.0, 0.0), []
     with put(terrain(rough, 0.5), model) as simulation:
-        for tick in range(4000):
-            if tick % 400 == 0:
+        for tick in range(1600):
+            if tick % 160 == 0:
                 speed = model.top_speed_mps * random.choice([-1.0, 1.0]) * random.uniform(0.2, 1.0)
                 twist = speed, random.uniform(-1.0, 1.0)
             if tick % 20 == 0:

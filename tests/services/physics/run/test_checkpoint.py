@@ -31,7 +31,7 @@ from services.physics.run.publishers import Publish, Publishers
 
 PERIOD_S = 0.5
 PERIOD_TICKS = 200
-END_TICK = 900
+END_TICK = 700
 
 CRATES = tuple(
     Actor(
