@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The order of the tests names files that exist, and `make` finds all tests of the system."""
+"""The stages find all tests, in their order, and each invariant is tested each day."""
 
 import re
 from pathlib import Path
@@ -27,3 +27,19 @@ def test_make_collects_each_file_with_system_tests() -> None:
         and not any(file.is_relative_to(place) for place in (*collected, on_an_engine))
     ]
     assert not missed
+
+
+def test_each_invariant_is_tested_each_day() -> None:
+    """A file whose tests are all nightly is no guard."""
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    table = text.partition("## Invariants")[2].partition("\n## ")[0]
+    nightly = re.compile(r"(?m)^pytestmark = .*pytest\.mark\.nightly")
+    named = re.findall(r"`(tests/[^`]+)`", table)
+    assert len(named) > 40
+    unguarded = []
+    for name in named:
+        found = [path for place in ROOT.glob(name) for path in (place, *place.rglob("test_*.py"))]
+        files = [path for path in found if path.is_file()]
+        if all(nightly.search(file.read_text(encoding="utf-8")) for file in files):
+            unguarded.append(name)
+    assert not unguarded

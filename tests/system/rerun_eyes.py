@@ -73,7 +73,7 @@ def eyes(source: str, folder: Path, size: str = "1280x800") -> Iterator[Eyes]:
             stderr=log,
         )
     try:
-        yield Eyes(wait_for(lambda: _client(port), 30, "the viewer answers"))
+        yield Eyes(wait_for(lambda: _client(port), 90, "the viewer answers"))
     finally:
         process.terminate()
         process.wait(10)

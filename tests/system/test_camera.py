@@ -57,7 +57,7 @@ def test_without_opengl_the_default_scenario_goes_on_without_its_camera(tmp_path
         up = it.up()
         wait_for(lambda: observer.count("/points") > 50, 60, "clouds arrive in ROS")
         up.send_signal(signal.SIGINT)
-        assert up.wait(10) == 1
+        assert up.wait(30) == 1
         assert observer.count(PICTURES) == 0
         log = " ".join(it.log("up.log").split())
         assert log.count("install Debian's libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri") == 1

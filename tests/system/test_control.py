@@ -63,7 +63,7 @@ def test_time_stands_still_goes_on_by_ticks_and_begins_again(
     paused = send_command(bus, it.run, Pause())
     assert paused.paused
     send_command(bus, it.run, Step(5))
-    wait_for(lambda: run_status(bus, it.run).paused, 5, "five steps are taken")
+    wait_for(lambda: run_status(bus, it.run).paused, 20, "five steps are taken")
     assert run_status(bus, it.run).tick == paused.tick + 5
 
     while samples.get(seconds=0.3):
