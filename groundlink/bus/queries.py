@@ -49,3 +49,8 @@ def journal_key(run: str) -> str:
     journal file.
     """
     return f"{ROOT}/{run}/journal"
+
+
+def points_key() -> str:
+    """Return the key at which workers report to a search and get points. Served by the search."""
+    return f"{ROOT}/search/points"

@@ -41,11 +41,11 @@ from .run import (
     top,
     up,
 )
-from .search import campaign, search
+from .search import campaign, search, worker
 from .sheets import fit, sensors
 
 GROUPS = {
-    "start a run": (demo, up, record, replay, snapshot, sweep, search, campaign, bisect),
+    "start a run": (demo, up, record, replay, snapshot, sweep, search, campaign, worker, bisect),
     "look at a run": (top, view),
     "control a run": (drive, control, save, seek, spawn, fault, link),
     "use a recording": (report, judge, verify, resim, export, convert, fit),

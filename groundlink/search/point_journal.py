@@ -5,6 +5,7 @@ The first line says which search it is. A line that a killed process left incomp
 """
 
 import fcntl
+import hashlib
 import json
 import os
 from collections.abc import Mapping
@@ -65,17 +66,23 @@ class PointJournal:
 
     def __init__(self, file: Path, identity: Mapping[str, Any]) -> None:
         self._file = file
+        self.determined_by: dict[str, Any] = json.loads(json.dumps(identity))
         self._stream: IO[bytes] = file.open("a+b")
         self._rows: dict[str, PointRow] = {}
         try:
             fcntl.flock(self._stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            self._read(json.loads(json.dumps(identity)))
+            self._read(self.determined_by)
         except BlockingIOError:
             self._stream.close()
             raise UserError(f"{file.parent}: in use by another process. Fix: wait for it") from None
         except UserError:
             self._stream.close()
             raise
+
+    @property
+    def identity(self) -> str:
+        """Text that is the same for the same options."""
+        return hashlib.sha256(key(self.determined_by).encode()).hexdigest()[:16]
 
     @property
     def rows(self) -> list[PointRow]:

@@ -14,10 +14,13 @@ from groundlink.__main__ import main as groundlink
 from groundlink.cli.run.cases import check_recording
 from groundlink.cli.search.search import field_changes
 from groundlink.loader import load
+from groundlink.monitor.process_commands import free_endpoint
+from groundlink.search.sampler import EvenSampler
+from groundlink.search.space import space
 
 from .rig import wait_for
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.system, pytest.mark.timeout(500)]
 
 SCENARIO = """
 name: hall
@@ -134,3 +137,45 @@ def test_campaign_over_links_judges_what_ros_receives_and_repeats(tmp_path: Path
         ("failed", "expected at most 15 ms"),
         ("failed", "expected at least 45 Hz"),
     ]
+
+
+def evaluations(scenario: Path) -> list[str]:
+    """Return the command lines of the processes that evaluate points of a scenario."""
+    return [
+        line for line in processes_with(str(scenario)) if "groundlink.cli.search.evaluation" in line
+    ]
+
+
+def search_process(*words: str) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "groundlink", *words]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
+
+
+def test_workers_share_a_search_and_a_killed_one_loses_no_point(tmp_path: Path) -> None:
+    scenario, out = tmp_path / "hall.yaml", tmp_path / "out"
+    scenario.write_text(SCENARIO)
+    vary, endpoint = "route.speed_mps=0.3..0.9", free_endpoint()
+    search = search_process(
+        *("search", str(scenario), "--out", str(out), "--duration", "1", "--vary", vary),
+        *("--budget", "5", "--ahead", "3", "--jobs", "0", "--listen", endpoint),
+    )
+    workers = [search_process("worker", "--connect", endpoint) for _ in range(2)]
+    journal = out / "journal.jsonl"
+    try:
+        wait_for(
+            lambda: journal.exists() and journal.read_bytes().count(b"\n") >= 2, 120, "a point ran"
+        )
+        wait_for(lambda: len(evaluations(scenario)) >= 2, 120, "both workers have a point")
+        os.kill(workers[0].pid, signal.SIGKILL)
+        assert search.wait(300) == 0
+    finally:
+        for process in (search, *workers):
+            process.kill()
+            process.wait()
+    found = [json.loads(line) for line in journal.read_text().splitlines()[1:]]
+    rows = sorted((row for row in found if row["stage"] == "search"), key=lambda r: r["number"])
+    assert [row["number"] for row in rows] == [1, 2, 3, 4, 5]
+    sampler = EvenSampler(space([vary]), seed=1)
+    assert [row["values"] for row in rows] == [sampler.ask() for _ in rows]
+    assert {row["outcome"]["verdict"] for row in rows} == {"passed"}
+    wait_for(lambda: not processes_with(str(scenario)), 20, "all processes end with their worker")

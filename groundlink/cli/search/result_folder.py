@@ -3,12 +3,16 @@
 
 import argparse
 import hashlib
-from collections.abc import Callable, Sequence
+import platform
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
+from groundlink.bus.queries import points_key
+from groundlink.bus.session import Bus
 from groundlink.cli.run.record import SECONDS
 from groundlink.cli.run.running import SCENARIO_HELP
 from groundlink.cli.terminal import output as terminal
@@ -20,6 +24,7 @@ from groundlink.core.extras import check_installed
 from groundlink.loader.overrides import FieldChange
 from groundlink.scenario.schema import Scenario
 from groundlink.search.point_journal import PointJournal, PointOutcome, PointRow, Values
+from groundlink.search.point_leases import WorkerOrders, WorkerReport
 
 from .evaluation import EvaluationRequest
 from .point_processes import PointProcesses
@@ -51,7 +56,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         default=1,
         metavar="N",
-        help="runs at a time (default %(default)s)",
+        help="runs at a time on this machine (default %(default)s)",
+    )
+    parser.add_argument(
+        "--listen",
+        metavar="ENDPOINT",
+        help="let workers (`groundlink worker`) join at this endpoint, such as tcp/0.0.0.0:7447",
     )
     parser.add_argument(
         "--out",
@@ -71,11 +81,22 @@ def check_options(options: argparse.Namespace) -> None:
     UserError
         with one line.
     """
-    check_installed(("matplotlib", "mcap", "optuna", "pyarrow", "rosbags", "zstandard"), "search")
+    check_extra()
     if not options.duration > 0:
         raise UserError(f"--duration {options.duration:g}: expected seconds, more than 0")
-    if options.jobs < 1:
-        raise UserError(f"--jobs {options.jobs}: expected 1 or more")
+    least = 0 if options.listen else 1
+    if options.jobs < least:
+        raise UserError(f"--jobs {options.jobs}: expected {least} or more")
+
+
+def check_extra() -> None:
+    """Check that the packages of the extra are installed."""
+    check_installed(("matplotlib", "mcap", "optuna", "pyarrow", "rosbags", "zstandard"), "search")
+
+
+def content_of(scenario: Scenario) -> str:
+    """Return a text that is the same for the same scenario."""
+    return hashlib.sha256(msgspec.json.encode(scenario)).hexdigest()[:16]
 
 
 class ResultFolder:
@@ -107,11 +128,10 @@ class ResultFolder:
                 f"--out {self.path}: exists without {JOURNAL}. Fix: choose a new folder"
             )
         self.path.mkdir(parents=True, exist_ok=True)
-        content = hashlib.sha256(msgspec.json.encode(scenario)).hexdigest()[:16]
         determined_by = {
             "groundlink": VERSION,
             "scenario": options.scenario,
-            "content of the scenario": content,
+            "content of the scenario": content_of(scenario),
             **{f"--{name.replace('_', '-')}": getattr(options, name) for name in names},
         }
         self.journal = PointJournal(self.path / JOURNAL, determined_by)
@@ -133,11 +153,25 @@ class ResultFolder:
             **fields,
         )
 
+    @contextmanager
     def processes(
         self, request: EvaluationRequest, changes: Callable[[Values], Sequence[FieldChange]]
-    ) -> PointProcesses:
-        """Return the processes that evaluate points, with the changes of each."""
-        return PointProcesses(self.journal, request, changes, self._options.jobs, self.path)
+    ) -> Iterator[PointProcesses]:
+        """Yield the processes that evaluate points, with the changes of each; let workers join."""
+        options = self._options
+        with (
+            PointProcesses(
+                self.journal, request, changes, options.jobs, self.path, self.say
+            ) as processes,
+            Bus(listen=options.listen) if options.listen else nullcontext() as bus,
+        ):
+            if bus is not None:
+                bus.serve_content(
+                    points_key(), lambda _, report: [_answered(processes.exchange, report)]
+                )
+                reached = options.listen.replace("/0.0.0.0:", f"/{platform.node()}:")
+                self.say(f"workers join by: groundlink worker --connect {reached}")
+            yield processes
 
     def unchanged(self, processes: PointProcesses) -> PointOutcome:
         """Run the scenario as it is, and say its outcome.
@@ -175,3 +209,7 @@ class ResultFolder:
         with write_atomically(self.path / name) as part:
             part.write_text(page, encoding="utf-8")
         return ", ".join(str(self.path / each) for each in (name, PARQUET, CSV))
+
+
+def _answered(exchange: Callable[[WorkerReport], WorkerOrders], report: bytes) -> bytes:
+    return msgspec.json.encode(exchange(msgspec.json.decode(report, type=WorkerReport)))

@@ -38,7 +38,7 @@ SCENARIO_FILE, RECORDING, PAGE = "minimal.yaml", "minimal.mcap", "search.html"
 
 DETERMINING = (
     *("vary", "check", "duration", "over_link", "objective", "maximize"),
-    *("keep_going", "seed", "jobs"),
+    *("keep_going", "seed", "ahead"),
 )
 """Options that determine the points of a search or their outcomes."""
 
@@ -82,6 +82,13 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     parser.add_argument("--maximize", action="store_true", help="make the objective large")
     parser.add_argument(
+        "--ahead",
+        type=int,
+        metavar="N",
+        help="points that are chosen before the result of the first of them is known (default: "
+        "--jobs); the points of a search depend on it, and not on the number of workers",
+    )
+    parser.add_argument(
         "--keep-going", action="store_true", help="search the whole budget after a failure, too"
     )
     parser.add_argument(
@@ -98,6 +105,9 @@ def search(options: argparse.Namespace) -> int:
     check_options(options)
     if options.budget < 1:
         raise UserError(f"--budget {options.budget}: expected 1 or more")
+    options.ahead = max(options.jobs, 1) if options.ahead is None else options.ahead
+    if options.ahead < 1:
+        raise UserError(f"--ahead {options.ahead}: expected 1 or more")
     if options.maximize and not options.objective:
         raise UserError("--maximize: needs --objective")
     whole = space(options.vary)
@@ -181,7 +191,7 @@ class _SearchRun:
             sampler = OptunaSampler(self._space, options.seed, maximize=options.maximize)
         with progress("searching") as done:
             for number, point, outcome in searched(
-                sampler, processes, options.budget, options.jobs, keep_going=options.keep_going
+                sampler, processes, options.budget, options.ahead, keep_going=options.keep_going
             ):
                 words = f"{number} of {options.budget}: {point_text(point)}"
                 self._folder.say_outcome(words, outcome)

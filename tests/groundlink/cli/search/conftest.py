@@ -3,6 +3,7 @@
 
 import os
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -39,6 +40,7 @@ def evaluations(monkeypatch: pytest.MonkeyPatch) -> Iterator[Evaluations]:
         def __init__(self, request: EvaluationRequest) -> None:
             kept.requests.append(request)
             self._request = request
+            self.recording = Path(request.recording)
             # Ready at once, as a process that has printed its outcome.
             self.output, writes = os.pipe()
             os.close(writes)
@@ -53,7 +55,7 @@ def evaluations(monkeypatch: pytest.MonkeyPatch) -> Iterator[Evaluations]:
         def kill(self) -> None:
             pass
 
-    monkeypatch.setattr(point_processes, "_PointProcess", Evaluation)
+    monkeypatch.setattr(point_processes, "PointProcess", Evaluation)
     yield kept
     for descriptor in opened:
         os.close(descriptor)
