@@ -143,6 +143,8 @@ class SensorAddition:
         """Add the sensor."""
         option = f"--add {self.vehicle}={self.file}"
         vehicle = _located(document, f"vehicles.{self.vehicle}", option)
+        if len(vehicle) != 2:
+            raise UserError(f"{option}: expected a vehicle, such as rover=second_lidar.yaml")
         sensors = document.at(vehicle).setdefault("sensors", [])
         sensors.append(None)
         document.put((*vehicle, "sensors", len(sensors) - 1), read(self.file))

@@ -43,31 +43,43 @@ class Playback:
     ----------
     streams
         streams of the run; those not recorded are left out.
+    added
+        stream of each topic whose messages are added.
     """
 
-    def __init__(self, recording: Recording, streams: Iterable[RosStream]) -> None:
+    def __init__(
+        self, recording: Recording, streams: Iterable[RosStream], added: Iterable[RosStream] = ()
+    ) -> None:
         self._recording = recording
         self.streams: dict[str, RosStream] = {
             stream.topic: stream for stream in streams if stream.topic in recording.types
         }
         """By topic."""
 
+        self._added = {stream.topic: stream for stream in added}
+
         self.refused = 0
         """Messages that do not match the type of their topic."""
 
-    def play(self, from_nanos: int) -> Iterator[TimedMessage]:
-        """Yield messages due from an instant on, in order."""
+    def play(
+        self, from_nanos: int, added: Iterable[RecordedMessage] = ()
+    ) -> Iterator[TimedMessage]:
+        """Yield messages due from an instant on, and those added, in order."""
+        recorded = self._recording.read(list(self.streams), from_nanos=from_nanos)
+        merged = heapq.merge(recorded, added, key=lambda message: message.nanos)
         return itertools.dropwhile(
-            lambda due: not isinstance(due.message, Clock), self._sorted(from_nanos)
+            lambda due: not isinstance(due.message, Clock), self._sorted(merged)
         )
 
-    def _sorted(self, from_nanos: int) -> Iterator[TimedMessage]:
+    def _sorted(self, messages: Iterable[RecordedMessage]) -> Iterator[TimedMessage]:
+        streams = self.streams | self._added
         waiting: list[TimedMessage] = []
         numbers = itertools.count()
-        for recorded in self._recording.read(list(self.streams), from_nanos=from_nanos):
+        for recorded in messages:
             while waiting and waiting[0].nanos < recorded.nanos:
                 yield heapq.heappop(waiting)
-            stream = self.streams[recorded.topic]
+            if (stream := streams.get(recorded.topic)) is None:
+                continue
             try:
                 message = self._message(stream, recorded)
             except BadBusMessage:

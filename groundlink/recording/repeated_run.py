@@ -21,7 +21,7 @@ from groundlink.monitor import pipeline
 from groundlink.scenario import Scenario
 
 from . import resimulation
-from .reader import Recording
+from .reader import RecordedMessage, Recording
 from .repeated_readings import RepeatedReadings
 from .verifying import in_recorded_world, replay_journal
 
@@ -85,6 +85,30 @@ def resimulate(
                 recording, readings, messages, given, part, show
             )
     return Resimulated(sensors, new, copied)
+
+
+@contextmanager
+def simulated(recording: Recording, given: Scenario) -> Iterator[Iterator[RecordedMessage]]:
+    """Yield the messages of the sensors that differ from the recorded ones, while they arise.
+
+    Parameters
+    ----------
+    given
+        scenario with the changes, as of `resimulate`.
+
+    Raises
+    ------
+    UserError
+        as `resimulate`.
+    """
+    given = in_recorded_world(recording, given)
+    resimulation.check_drive(recording.started_as, given)
+    plan = resimulation.topic_plan(recording, given)
+    again = replay_journal(recording, given)
+    readings = RepeatedReadings(again.scenario, pipeline.RUN, again.epoch_nanos)
+    end = resimulation.end_nanos(recording)
+    with _followed(again, plan.sensors, None) as messages:
+        yield readings.read(messages, plan.simulated, plan.sensors, end)
 
 
 @contextmanager

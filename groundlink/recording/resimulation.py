@@ -8,6 +8,7 @@ import heapq
 import itertools
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 from msgspec.structs import replace
@@ -122,6 +123,41 @@ def end_nanos(recording: Recording) -> int:
     return recording.end_nanos or recording.last_nanos + 1
 
 
+class TopicPlan(NamedTuple):
+    """Where the topics of a resimulated recording come from."""
+
+    sensors: list[str]
+    """Sensors that are simulated, as `vehicle/sensor`."""
+
+    copied: list[str]
+    """Topics that are copied."""
+
+    simulated: set[str]
+    """Topics of the repeated run, without the latched ones."""
+
+    latched: set[str]
+    """Topics that are made from the scenario alone."""
+
+
+def topic_plan(recording: Recording, given: Scenario) -> TopicPlan:
+    """Return the plan of a recording with the sensors of another scenario."""
+    before = recording.run.scenario
+    sensors = sensors_to_simulate(before, given)
+    of_sensors = {
+        topic for name in {*before.sensor_names(), *sensors} for topic in _topics(before, name)
+    }
+    kept_sensors = set(given.sensor_names()) - set(sensors)
+    kept = {topic for name in kept_sensors for topic in _topics(given, name)}
+    new = {topic for name in sensors for topic in _topics(given, name)}
+    made = made_topics(given)
+    latched = {topic for topic in made if is_latched(topic)}
+    if _read_by_bases(given) & {*sensors}:
+        new |= made
+    replaced = (of_sensors - kept) | new | latched | {DIAGNOSTICS_TOPIC}
+    copied = [topic for topic in recording.types if topic not in replaced]
+    return TopicPlan(sensors, copied, new - latched, latched)
+
+
 def write_resimulated(
     recording: Recording,
     again: RepeatedReadings,
@@ -156,34 +192,22 @@ def write_resimulated(
     FileExistsError
         when there is a file.
     """
-    before = recording.run.scenario
-    simulated = sensors_to_simulate(before, given)
-    of_sensors = {
-        topic for name in {*before.sensor_names(), *simulated} for topic in _topics(before, name)
-    }
-    kept_sensors = set(given.sensor_names()) - set(simulated)
-    kept = {topic for name in kept_sensors for topic in _topics(given, name)}
-    new = {topic for name in simulated for topic in _topics(given, name)}
-    made = made_topics(given)
-    latched = {topic for topic in made if is_latched(topic)}
-    if _read_by_bases(given) & {*simulated}:
-        new |= made
-    replaced = (of_sensors - kept) | new | latched | {DIAGNOSTICS_TOPIC}
-    copied = [topic for topic in recording.types if topic not in replaced]
+    before, plan = recording.run.scenario, topic_plan(recording, given)
+    copied, new = plan.copied, plan.simulated | plan.latched
     first, end = recording.first_nanos, recording.end_nanos or recording.last_nanos + 1
     added = itertools.chain(
         again.latched(first),
-        again.read(messages, new - latched, simulated, end) if simulated else (),
+        again.read(messages, plan.simulated, plan.sensors, end) if plan.sensors else (),
     )
     rates = again.declared_hz | {t: facts.declared_hz for t, facts in recording.topics.items()}
-    rates |= {topic: again.declared_hz.get(topic) for topic in new}
+    rates |= {topic: again.declared_hz.get(topic) for topic in new - plan.latched}
     file = RosFile(out)
     try:
         run = replace(recording.run, scenario=_as_seen_in(before, given))
         file.mcap.add_metadata(metadata.RUN_RECORD, metadata.run_entries(run))
         for topic in copied:
             file.topic(topic, recording.types[topic], latched=is_latched(topic))
-        for topic in sorted((new | latched) & again.types.keys()):
+        for topic in sorted(new & again.types.keys()):
             file.topic(topic, again.types[topic], latched=is_latched(topic))
         counts = [0, 0]
         old = ((False, message) for message in recording.read(copied)) if copied else iter(())

@@ -7,18 +7,17 @@ With a recording as its argument it shows that file instead, as fast as it can b
 from __future__ import annotations
 
 import argparse
-import itertools
 import os
 import signal
 import socket
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol
+from pathlib import Path
+from typing import Protocol
 
 from groundlink.bus.session import Bus
 from groundlink.cli.files.view import add_arguments
-from groundlink.core.clock import NANOS
 from groundlink.core.errors import UserError
 from groundlink.core.extras import needs
 from groundlink.messages.base import BusMessage, Health, State
@@ -28,11 +27,7 @@ from groundlink.ros.streams import RosStream
 from groundlink.scenario import Scenario
 from groundlink.scene.build import world_hash
 
-from .reconstructed_states import ReceivedMessage, StateReconstructor
-from .viewer_subscriptions import ViewerSubscriptions, streams_of
-
-if TYPE_CHECKING:
-    from groundlink.recording.reader import Recording
+from .viewer_subscriptions import ViewerSubscriptions
 
 NAME = "view"
 
@@ -54,6 +49,9 @@ class RunView(Protocol):
 
     def take_states(self, states: Sequence[State]) -> None:
         """Take states, oldest first."""
+
+    def begin_again(self) -> None:
+        """Expect states from the start once more, only to place further messages."""
 
     def take(self, path: str, stream: RosStream, message: BusMessage) -> None:
         """Take a message of a stream."""
@@ -81,9 +79,15 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     """Show a run until `stop` is set or the viewer is closed."""
     parser = process.parser(NAME, "Show a run in Rerun, or serve it to Foxglove.")
     add_arguments(parser)
+    parser.add_argument(
+        "--scenario",
+        type=Path,
+        metavar="FILE",
+        help="scenario in MessagePack whose sensors are simulated on the recorded drive",
+    )
     options = parser.parse_args(arguments)
     if options.recording is not None:
-        show_file(options, stop)
+        _show_file(options, stop)
         return
     with Bus(connect=process.endpoint(options), observer=True, name=NAME) as bus:
         run, scenario = join_world(bus, options.run, stop)
@@ -118,7 +122,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
             view.close()
 
 
-def show_file(options: argparse.Namespace, stop: threading.Event) -> None:
+def _show_file(options: argparse.Namespace, stop: threading.Event) -> None:
     """Show a recording, until `stop` is set or the viewer is closed.
 
     Raises
@@ -127,8 +131,9 @@ def show_file(options: argparse.Namespace, stop: threading.Event) -> None:
         when it cannot be read, or is asked to be served to Foxglove.
     """
     try:
-        from groundlink.recording.playback import Playback
         from groundlink.recording.reader import Recording
+
+        from .recorded.show import RecordedRun
     except ModuleNotFoundError as error:
         raise UserError(
             f"viewing a recording needs `{error.name}`. Fix: pip install 'groundlink[record,view]'"
@@ -136,31 +141,12 @@ def show_file(options: argparse.Namespace, stop: threading.Event) -> None:
     if options.foxglove:
         raise UserError(f"--foxglove: Foxglove opens {options.recording} itself; expected no file")
     with Recording(options.recording) as recording:
-        run, scenario = recording.run.run, recording.run.scenario
-        every = streams_of(scenario, run)
-        streams = {p: stream for p, stream in every.items() if stream.topic in recording.types}
-        playback = Playback(recording, streams.values())
-        paths = {stream.key: path for path, stream in streams.items()}
-        view = _view(options, scenario, run, streams, whole=True)
-        view.show_text(_in_words(recording))
+        recorded = RecordedRun(recording, options.scenario)
+        view = _view(options, recorded.scenario, recorded.run, recorded.streams, whole=True)
         if options.save is None:
             _end_in_time()
-        truth = StateReconstructor(scenario, run)
         try:
-            due = playback.play(recording.first_nanos)
-            for _, together in itertools.groupby(due, key=lambda each: each.nanos):
-                if stop.is_set() or not view.alive():
-                    return
-                came = [
-                    ReceivedMessage(paths[each.key], streams[paths[each.key]], each.message)
-                    for each in together
-                ]
-                states, messages = truth.follow(came)
-                view.take_states(states)
-                for path, stream, message in messages:
-                    view.take(path, stream, message)
-                view.flush()
-            if options.save is None:
+            if recorded.show(view, stop) and options.save is None:
                 while not stop.wait(FRAME_SECONDS) and view.alive():
                     pass
         finally:
@@ -204,23 +190,6 @@ def _view(
     else:
         destination = rerun_destinations.window(blueprint, _free_port(), whole=whole)
     return RerunView(scenario, run, coloring=options.color, destination=destination)
-
-
-def _in_words(recording: Recording) -> str:
-    """Return a summary of a recording, as Markdown."""
-    run, seconds = recording.run, (recording.last_nanos - recording.first_nanos) / NANOS
-    rows = [
-        f"| {name} | {topic.messages} | {_hertz(topic.declared_hz)} | {_hertz(topic.measured_hz)} |"
-        for name, topic in recording.topics.items()
-        if topic.messages
-    ]
-    head = f"### {run.scenario.name} · run {run.run}\n{recording.path.name}, {seconds:.1f} s"
-    table = ["| topic | messages | declared | recorded |", "|:--|--:|--:|--:|", *rows]
-    return "\n".join([head, "", *table])
-
-
-def _hertz(rate_hz: float | None) -> str:
-    return "" if rate_hz is None else f"{rate_hz:.4g} Hz"
 
 
 def _end_in_time() -> None:

@@ -95,6 +95,9 @@ class FoxgloveServer(ServerListener):
         if newest.actors and self._scenario.world.actors:
             self._log(self._derived[TRUE_TF_TOPIC], actor_transforms(self._scenario, newest))
 
+    def begin_again(self) -> None:
+        """Do nothing: clients place messages themselves."""
+
     def take(self, path: str, stream: RosStream, message: BusMessage) -> None:
         """Serve a message under its ROS topic."""
         if isinstance(message, Clock):

@@ -25,6 +25,7 @@ from .draw_messages import FORMS
 from .drawing import WORLD, Drawing, Track
 from .layout import TEXT
 from .meshes import ShadedMesh, mesh, world
+from .point_placement import PoseHistory
 from .rerun_destinations import RerunDestination
 
 FRAME_NANOS = NANOS // 30
@@ -61,6 +62,9 @@ class RerunView:
         self._next_frame_nanos = 0
         self._next_plot_nanos = 0
         self._episode: int | None = None
+        self._is_drawn = False
+        """Whether vehicles and actors are drawn already."""
+
         self.drawing = self._begin()
 
     def change(self, scenario: Scenario) -> None:
@@ -68,6 +72,13 @@ class RerunView:
         self.drawing.plots.flush()
         self._scenario = scenario
         self.drawing = self._begin()
+
+    def begin_again(self) -> None:
+        """Take states from the start once more, only to place further messages."""
+        self.drawing.plots.flush()
+        self._is_drawn = True
+        for track in self.drawing.vehicles.values():
+            track.base = PoseHistory()
 
     def take_states(self, states: Sequence[State]) -> None:
         """Take states; draw the newest of them when it is due."""
@@ -81,7 +92,7 @@ class RerunView:
             for name, track in self.drawing.vehicles.items():
                 if name in state.vehicles:
                     track.base.add(state.stamp_nanos, state.vehicles[name].poses()[0])
-        if states and self.drawing.now_nanos >= self._next_frame_nanos:
+        if states and not self._is_drawn and self.drawing.now_nanos >= self._next_frame_nanos:
             self._next_frame_nanos = self.drawing.now_nanos + FRAME_NANOS * 3 // 4
             newest = {name: state for state in states for name in state.vehicles}
             for name, track in self.drawing.vehicles.items():
@@ -121,7 +132,7 @@ class RerunView:
 
     def flush(self) -> None:
         """Pass the plots to Rerun, some times a second of simulation time."""
-        if self.drawing.now_nanos >= self._next_plot_nanos:
+        if self._is_drawn or self.drawing.now_nanos >= self._next_plot_nanos:
             self._next_plot_nanos = self.drawing.now_nanos + NANOS // 5
             self.drawing.plots.flush()
 

@@ -123,6 +123,7 @@ def test_a_recording_is_viewed_with_a_further_sensor(tmp_path: Path) -> None:
     )
     groundlink("record", "indoor_2d", "--duration", "0.5", "--out", run)
     for options, is_drawn in (((), False), (("--add", f"rover={sensor}"), True)):
-        groundlink("view", run, *options, "--save", shown)
+        said = groundlink("view", run, *options, "--save", shown)
         assert (b"/rover/roof" in shown.read_bytes()) == is_drawn
+        assert ("view: simulated rover/roof: 100 %" in said) == is_drawn
         shown.unlink()

@@ -4,6 +4,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -146,6 +147,11 @@ def evaluations(scenario: Path) -> list[str]:
     ]
 
 
+def listens(endpoint: str) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", int(endpoint.rpartition(":")[2]))) == 0
+
+
 def search_process(*words: str) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "groundlink", *words]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
@@ -159,6 +165,7 @@ def test_workers_share_a_search_and_a_killed_one_loses_no_point(tmp_path: Path) 
         *("search", str(scenario), "--out", str(out), "--duration", "1", "--vary", vary),
         *("--budget", "5", "--ahead", "3", "--jobs", "0", "--listen", endpoint),
     )
+    wait_for(lambda: listens(endpoint), 60, "the search listens")
     workers = [search_process("worker", "--connect", endpoint) for _ in range(2)]
     journal = out / "journal.jsonl"
     try:

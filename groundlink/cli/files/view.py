@@ -2,7 +2,7 @@
 """`groundlink view`: show a run in Rerun or Foxglove, or a recording in Rerun.
 
 The viewer is a separate process, ``python -m services.view``, with the same options. With other
-sensors, a recording is simulated again first, into a temporary file.
+sensors it gets their scenario, and simulates them while it shows the recording.
 """
 
 import argparse
@@ -11,8 +11,11 @@ import sys
 import tempfile
 from pathlib import Path
 
+import msgspec
+
 from groundlink.cli import Subparsers
 from groundlink.core.errors import UserError
+from groundlink.core.extras import needs
 from groundlink.process.runner import add_run_arguments
 
 
@@ -72,11 +75,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def view(options: argparse.Namespace) -> int:
-    """Start the viewer in place of this process; with changed sensors, after their simulation."""
+    """Start the viewer in place of this process; with changed sensors, beside it."""
     from groundlink.cli.run.cases import exit_code
     from groundlink.loader import overrides
-
-    from .resim import write_resimulated
+    from groundlink.loader.recorded_scenario import with_changes
 
     if options.recording and (options.connect or options.run):
         raise UserError(
@@ -85,21 +87,26 @@ def view(options: argparse.Namespace) -> int:
         )
     changes = overrides.all_changes(options)
     if not changes:
-        command = _viewer(options, options.recording)
+        command = _viewer(options)
         os.execv(command[0], command)
     if not options.recording:
         raise UserError(
             "view: --set, --add and --remove apply to a recording. Fix: name one, or leave them out"
         )
+    with needs("record"):
+        from groundlink.recording.reader import Recording
+
+    with Recording(options.recording) as recording:
+        changed = with_changes(recording.started_as, changes)
     with tempfile.TemporaryDirectory(prefix="groundlink-view-") as folder:
-        changed = Path(folder) / options.recording.name
-        write_resimulated(options.recording, changes, changed)
-        return exit_code(_viewer(options, changed))
+        scenario = Path(folder) / "scenario.msgpack"
+        scenario.write_bytes(msgspec.msgpack.encode(changed))
+        return exit_code([*_viewer(options), "--scenario", str(scenario)])
 
 
-def _viewer(options: argparse.Namespace, recording: Path | None) -> list[str]:
+def _viewer(options: argparse.Namespace) -> list[str]:
     """Return the command of the viewer's process."""
-    words = [str(recording)] if recording else []
+    words = [str(options.recording)] if options.recording else []
     words += ["--host", options.host, "--color", options.color]
     for name in ("connect", "run", "save", "port"):
         if (value := getattr(options, name)) is not None:

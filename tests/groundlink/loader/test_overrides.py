@@ -184,6 +184,7 @@ def test_a_sensor_is_added_from_a_file(tmp_path: Path) -> None:
         (SensorRemoval("rover/lidra"), "--remove rover/lidra: no `lidra`; did you mean `lidar`"),
         (SensorRemoval("rover"), "--remove rover: expected VEHICLE/SENSOR"),
         (SensorAddition("tank", Path("a.yaml")), "--add tank=a.yaml: no `tank`"),
+        (SensorAddition("rover/imu", Path("a.yaml")), "--add rover/imu=a.yaml: expected a vehicle"),
         (SensorAddition("rover", Path("a.yaml")), "a.yaml: no such file"),
     ],
 )
