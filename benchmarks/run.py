@@ -124,7 +124,7 @@ def name_of(pid: int) -> str:
     words = Path(f"/proc/{pid}/cmdline").read_text(encoding="utf-8").split("\0")
     names = [after for word, after in itertools.pairwise(words) if word == "--name"]
     modules = [after for word, after in itertools.pairwise(words) if word == "-m"]
-    return " ".join(names) or (modules or ["?"])[0].removeprefix("services.")
+    return "+".join(names) or (modules or ["?"])[0].removeprefix("services.")
 
 
 def figures_of(pid: int) -> Figures:

@@ -2,32 +2,61 @@
 """Command lines of the processes of a run. Services are started as ``python -m`` only."""
 
 import socket
+from collections import defaultdict
 from collections.abc import Collection
 from pathlib import Path
 
 from groundlink.bus.core_topics import GATEWAY, PHYSICS, RECORDER
-from groundlink.bus.topics import process_names
+from groundlink.bus.topics import driver_names, process_names
 from groundlink.core.atomic_file import check_new_file
 from groundlink.core.extras import check_installed
 from groundlink.scenario import Scenario
+from groundlink.scenario.every_sensor import SensorSpec
+from groundlink.scenario.sensor_kinds import shares_process
 
 SENSORS = "sensors"
 """Name of the shared process of all sensors."""
+
+SHARED_MODULE = "services.sensors"
+"""Module of several sensors in one process."""
+
+
+def sensor_processes(scenario: Scenario, wanted: Collection[str]) -> dict[str, list[str]]:
+    """Return the command lines of the processes of sensors, without what joins them to a run.
+
+    A process of several sensors has all their names, such as `rover/imu+encoders`. The sensor with
+    the highest rate is the first that gets a state.
+    """
+    groups: dict[tuple[str, str], list[SensorSpec]] = defaultdict(list)
+    for vehicle in scenario.vehicles:
+        for sensor in vehicle.sensors:
+            if f"{vehicle.name}/{sensor.name}" in wanted:
+                own = "" if shares_process(sensor) else sensor.name
+                groups[vehicle.name, own].append(sensor)
+    modules, found = process_names(scenario), {}
+    for (vehicle_name, _), sensors in groups.items():
+        sensors.sort(key=lambda sensor: -sensor.message_rate_hz)
+        names = [f"{vehicle_name}/{sensor.name}" for sensor in sensors]
+        module = modules[names[0]] if len(names) == 1 else SHARED_MODULE
+        process = f"{vehicle_name}/{'+'.join(sensor.name for sensor in sensors)}"
+        found[process] = ["-m", module, *(word for name in names for word in ("--name", name))]
+    return found
 
 
 def commands(
     scenario: Scenario, file: str, run: str, endpoint: str, *, sensors_together: bool = False
 ) -> dict[str, list[str]]:
-    """Return the command line of every process of a run; sensors may share one process."""
-    found = {}
+    """Return the command line of every process of a run; all sensors may share one process."""
+    sensors = scenario.sensor_names()
+    of_sensors = sensor_processes(scenario, sensors)
+    if sensors_together and sensors:
+        of_sensors = {SENSORS: ["-m", SHARED_MODULE]}
     modules = process_names(scenario)
-    if sensors_together and (names := scenario.sensor_names()):
-        modules = {n: m for n, m in modules.items() if n not in names}
-        modules[SENSORS] = "services.sensors"
-    for name, module in modules.items():
-        arguments = [file] if name == "physics" else ["--name", name] if "/" in name else []
-        found[name] = ["-m", module, *arguments, *joining(run, endpoint)]
-    return found
+    found = {PHYSICS: ["-m", modules[PHYSICS], file], **of_sensors}
+    for name in driver_names(scenario):
+        found[name] = ["-m", modules[name], "--name", name]
+    found[GATEWAY] = ["-m", modules[GATEWAY]]
+    return {name: [*command, *joining(run, endpoint)] for name, command in found.items()}
 
 
 def stepped(
@@ -90,10 +119,8 @@ def following(
     joined = joining(run, endpoint)
     physics = ["-m", modules[PHYSICS], "--follow", str(journal), "--wait-for", RECORDER, *joined]
     found = {PHYSICS: physics, RECORDER: [*recorder, *joined]}
-    for name in scenario.sensor_names():
-        if name in sensors:
-            found[name] = ["-m", modules[name], "--name", name, *joined]
-    return found
+    of_sensors = sensor_processes(scenario, sensors)
+    return found | {name: [*command, *joined] for name, command in of_sensors.items()}
 
 
 def recorder(out: str, run: str, endpoint: str) -> list[str]:

@@ -147,6 +147,11 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     host: Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_-]*$")] = "main"
     """Label of the machine that the sensor runs on, if containers run on several machines."""
 
+    process: Literal["own", "shared"] | None = None
+    """Process of the sensor on one machine: its own, or one that it shares with all sensors of the
+    vehicle that do so; None: as its kind. Inertial units, encoders, wheel odometry, range finders
+    and satellite receivers share. In containers each sensor has its own."""
+
     faults: tuple[Fault, ...] = ()
     """Faults of the sensor, each with its times."""
 

@@ -81,6 +81,9 @@ class SensorKind:
     sees_world: bool = False
     """Whether the model has a copy of the world. It is built again after a change of the world."""
 
+    light: bool = False
+    """Whether the model takes so little time for a state that it shares a process with others."""
+
     bulky: bool = False
     """Whether messages are so large that small messages must not wait behind them."""
 
@@ -186,6 +189,12 @@ def sheet_folders() -> list[Path]:
         for location in spec.submodule_search_locations or ()
     ]
     return [folder for folder in folders if folder.is_dir()]
+
+
+def shares_process(spec: SensorSpec) -> bool:
+    """Return whether a sensor shares a process with others of its vehicle, on one machine."""
+    kind = sensor_kinds().get(spec.kind)
+    return kind is not None and (spec.process == "shared" or (spec.process is None and kind.light))
 
 
 def kind_of(spec: SensorSpec) -> SensorKind:

@@ -36,6 +36,7 @@ def gap_after(observer: Observer, topic: str, moment: float) -> float:
     ("victim", "silenced"),
     [
         ("services.sensors.lidar", {"/points"}),
+        ("services.sensors --name rover/imu", {"/imu", "/wheel_encoders"}),
         ("services.gateway", {"/points", "/imu", "/wheel_encoders", "/clock"}),
         ("udp_bridge_ros2", {"/points", "/imu", "/wheel_encoders", "/clock"}),
     ],
@@ -68,7 +69,7 @@ def test_a_killed_process_is_back(
 def test_ctrl_c_ends_all_of_it(run: tuple[Rig, Observer, int]) -> None:
     it, _, supervisor = run
     children = children_of(supervisor)
-    assert len(children) == 6
+    assert len(children) == 5
     pressed = time.monotonic()
     os.kill(supervisor, signal.SIGINT)
     wait_for(lambda: "summary" in it.log("up.log"), 5, "a summary")

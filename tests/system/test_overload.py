@@ -102,9 +102,9 @@ class Run:
 
 
 @contextmanager
-def run(folder: Path, time_section: str) -> Iterator[tuple[Rig, Run]]:
+def run(folder: Path, time_section: str, *more: str) -> Iterator[tuple[Rig, Run]]:
     with rig(folder, time_section=f"time: {{{time_section}}}\n") as it:
-        it.up("--no-ros", "--report", str(folder / "report.json"))
+        it.up("--no-ros", "--report", str(folder / "report.json"), *more)
         wait_for(it.is_answered, 20, "the bus opens")
         with Bus(connect=it.endpoint) as bus:
             begun = Run(it, bus)
@@ -185,7 +185,8 @@ def test_fail_ends_the_run_in_one_line(tmp_path: Path, mode: str) -> None:
 
 def test_fail_ends_a_run_whose_readings_get_lost(tmp_path: Path) -> None:
     """A sensor that is killed is started again, but has missed more than physics keeps for it."""
-    with run(tmp_path, "overload: fail, deadline_s: 60") as (it, begun):
+    of_its_own = ("--set", "imu.process=own")
+    with run(tmp_path, "overload: fail, deadline_s: 60", *of_its_own) as (it, begun):
         supervisor = it.started[0]
 
         def imu() -> int:

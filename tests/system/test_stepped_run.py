@@ -290,7 +290,7 @@ def test_run_that_cannot_go_on_says_why_and_leaves_no_process(tmp_path: Path) ->
             groundlink.run(files.scenario)
     with rig(tmp_path) as files, groundlink.run(files.scenario) as run:
         processes = run.processes
-        assert {"physics", "rover/imu", "rover/lidar"} <= set(processes)
+        assert {"physics", "rover/imu+encoders", "rover/lidar"} <= set(processes)
         files.scenario.unlink()
         subprocess.run(["kill", "-KILL", str(processes["physics"])], check=True)
         with pytest.raises(RunFailed, match="physics ended the run"):

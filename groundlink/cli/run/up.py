@@ -149,7 +149,8 @@ def _up(options: argparse.Namespace) -> int:
         commands[running.VIEWER] = running.viewer(run, options.listen)
     # In real time no process waits for sensors or recorders, so the run continues without them.
     is_realtime = scenario.time.mode == "realtime"
-    dispensable = (*scenario.sensor_names(), running.RECORDER) if is_realtime else ()
+    of_sensors = process_commands.sensor_processes(scenario, scenario.sensor_names())
+    dispensable = (*of_sensors, running.RECORDER) if is_realtime else ()
     supervised_run = supervised.SupervisedRun(
         *(commands, run, options.listen, console),
         finite=[running.VIEWER],  # The run continues after its window was closed.

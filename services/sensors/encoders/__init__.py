@@ -11,5 +11,6 @@ KIND = SensorKind(
     streams={"": WheelEncoders},
     check="services.sensors.encoders.checks:problems",
     model="services.sensors.encoders.model:EncodersModel",
+    light=True,
     disturb={"ticks": "services.sensors.encoders.fault_effects:offset_ticks"},
 )

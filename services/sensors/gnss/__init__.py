@@ -12,6 +12,7 @@ KIND = SensorKind(
     check="services.sensors.gnss.checks:problems",
     model="services.sensors.gnss.model:GnssModel",
     native="services.sensors.gnss.native:native_device",
+    light=True,
     sees_world=True,
     disturb={"position": "services.sensors.gnss.fault_effects:offset_position"},
 )

@@ -10,4 +10,5 @@ KIND = SensorKind(
     spec=InertialUnit,
     streams={"": Imu},
     model="services.sensors.imu.model:ImuModel",
+    light=True,
 )

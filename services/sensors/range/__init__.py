@@ -10,6 +10,7 @@ KIND = SensorKind(
     spec=RangeFinder,
     streams={"": Range},
     model="services.sensors.range.model:RangeModel",
+    light=True,
     sees_world=True,
     disturb={"range": "services.sensors.range.fault_effects:offset_range"},
 )

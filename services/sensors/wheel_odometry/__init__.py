@@ -11,5 +11,6 @@ KIND = SensorKind(
     streams={"": Odometry},
     check="services.sensors.wheel_odometry.checks:problems",
     model="services.sensors.wheel_odometry.model:WheelOdometryModel",
+    light=True,
     disturb={"yaw": "services.sensors.wheel_odometry.fault_effects:offset_yaw"},
 )

@@ -1,10 +1,55 @@
 # SPDX-License-Identifier: Apache-2.0
 import importlib.util
+from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from groundlink.core.errors import RequirementError
+from groundlink.loader import load
 from groundlink.monitor import process_commands
+from groundlink.monitor.process_commands import sensor_processes
+from groundlink.scenario import Scenario
+
+ROVERS = load(str(Path(__file__).parents[3] / "scenarios" / "two_rovers.yaml"))
+LAB = load(str(Path(__file__).parents[3] / "scenarios" / "indoor_lab.yaml"))
+
+
+def with_process(scenario: Scenario, sensor: str, process: str) -> Scenario:
+    """Return a scenario in which a sensor of its first vehicle has a process as given."""
+    vehicle, *others = scenario.vehicles
+    sensors = tuple(
+        replace(one, process=process) if one.name == sensor else one for one in vehicle.sensors
+    )
+    return replace(scenario, vehicles=(replace(vehicle, sensors=sensors), *others))
+
+
+def test_light_sensors_of_a_vehicle_share_a_process_and_the_fastest_comes_first() -> None:
+    names = LAB.sensor_names()
+    found = sensor_processes(LAB, names)
+    assert [*found] == ["rover/lidar", "rover/imu+encoders", "rover/camera"]
+    shared = ["-m", "services.sensors", "--name", "rover/imu", "--name", "rover/encoders"]
+    assert found["rover/imu+encoders"] == shared
+    assert found["rover/lidar"] == ["-m", "services.sensors.lidar", "--name", "rover/lidar"]
+
+
+def test_each_vehicle_has_a_shared_process_of_its_own() -> None:
+    found = sensor_processes(ROVERS, ROVERS.sensor_names())
+    shared = [name for name in found if "+" in name]
+    assert [name.partition("/")[0] for name in shared] == ["first", "second"]
+
+
+def test_a_sensor_can_have_its_own_process_or_share_one() -> None:
+    own = with_process(LAB, "imu", "own")
+    assert [*sensor_processes(own, own.sensor_names())] == [
+        *("rover/lidar", "rover/imu", "rover/encoders", "rover/camera")
+    ]
+    shared = with_process(LAB, "lidar", "shared")
+    assert "rover/imu+encoders+lidar" in sensor_processes(shared, shared.sensor_names())
+
+
+def test_only_the_wanted_sensors_run() -> None:
+    assert [*sensor_processes(LAB, {"rover/encoders"})] == ["rover/encoders"]
 
 
 @pytest.mark.parametrize("package", ["mcap", "rosbags", "zstandard"])
