@@ -20,6 +20,7 @@ from groundlink.core.errors import DeafSession, UserError
 from groundlink.messages.base import BusMessage, M, encode
 
 from . import zenoh_config
+from .channel import BusChannel
 from .core_topics import ROUTER_KEY, Delivery
 from .credentials import from_environment
 from .inbox import BusInbox
@@ -92,7 +93,8 @@ class Bus:
         configuration = zenoh.Config()
         for key, value in settings.items():
             configuration.insert_json5(key, json.dumps(value))
-        threads = {"ZENOH_RUNTIME": zenoh_config.ROUTER_THREADS} if listen else {}
+        runtime = zenoh_config.ROUTER_THREADS if listen else zenoh_config.CLIENT_THREADS
+        threads = {"ZENOH_RUNTIME": runtime}
         before = dict(os.environ)
         os.environ.update(threads | before)
         try:
@@ -218,6 +220,26 @@ class Bus:
             inbox.put(str(sample.key_expr), sample.payload.to_bytes(), message_type)
 
         self._declared.append(self._session.declare_subscriber(key, hand_over))
+
+    def channel(self, key: str, message_type: type[M], *, depth: int) -> BusChannel[M]:
+        """Return a channel of the messages under `key`, of which `depth` may wait."""
+        ring: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(depth)
+        subscriber = self._session.declare_subscriber(key, ring)
+
+        def poll() -> bytes | None:
+            sample = subscriber.try_recv()
+            return None if sample is None else sample.payload.to_bytes()
+
+        channel = BusChannel(
+            lambda: subscriber.recv().payload.to_bytes(),
+            poll,
+            message_type,
+            lambda: self._session.put(key, b"", allowed_destination=zenoh.Locality.SESSION_LOCAL),
+            depth=depth,
+        )
+        # The timer ends before its subscriber.
+        self._declared += [channel, subscriber]
+        return channel
 
     def subscribe_in_order(
         self, key: str, type_of: Callable[[str], type[M] | None], inbox: BusInbox[M]

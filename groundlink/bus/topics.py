@@ -33,6 +33,7 @@ from .core_topics import (
     HEALTH,
     PHYSICS,
     STATE,
+    STATE_BATCH,
     BusTopic,
     Delivery,
 )
@@ -141,6 +142,7 @@ STREAM_TOPICS = {
 
 TOPICS = (
     STATE,
+    STATE_BATCH,
     CLOCK,
     COMMAND,
     WHEEL_COMMAND,

@@ -27,10 +27,15 @@ OBSERVER_IDS = tuple(f"6e10{number:04x}" for number in range(1024))
 messages that an observer is too slow for. It waits for other receivers, so without this a suspended
 viewer would stop the run."""
 
-ROUTER_THREADS = "(rx: (worker_threads: 32), tx: (worker_threads: 16), net: (worker_threads: 4))"
-"""Threads of Zenoh in a router; the defaults are 2, 1 and 1. A thread that closes a connection with
-unsent data, or waits for a receiver, blocks for 10 s: with the defaults, two sensors that were cut
-off stopped the whole run. Takes effect only before a process opens its first session."""
+ROUTER_THREADS = "(rx: (worker_threads: 32), net: (worker_threads: 4))"
+"""Threads of Zenoh in a router; the defaults are 2 and 1. A thread that closes a connection with
+unsent data, or waits for a receiver, blocks for seconds: with the defaults, two sensors that were
+cut off stopped the whole run. One thread sends, as by default: a second one doubles the context
+switches. Takes effect only before a process opens its first session, as `CLIENT_THREADS` does."""
+
+CLIENT_THREADS = "(rx: (worker_threads: 1))"
+"""Threads of Zenoh in other processes. They have one connection, which one thread reads. A second
+one adds a quarter to the context switches of a subscriber."""
 
 _CONGESTION = "transport/link/tx/queue/congestion_control"
 SENDER_QUEUE = {

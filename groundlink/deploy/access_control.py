@@ -10,7 +10,7 @@ operator injects faults. A subject is the common name of a certificate, which is
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from groundlink.bus.core_topics import ACK, CLOCK, COMMAND, HEALTH, ROOT, STATE
+from groundlink.bus.core_topics import ACK, CLOCK, COMMAND, HEALTH, ROOT, STATE, STATE_BATCH
 from groundlink.bus.queries import (
     asset_key,
     control_key,
@@ -47,6 +47,7 @@ OPERATOR = "operator"
 OBSERVERS = ("recorder", "view")
 
 ALL = f"{ROOT}/**"
+"""All keys but those with a chunk that begins with @."""
 
 _EXTRA_QUERIES = {OPERATOR: ["operate"], "gateway": ["control"]}
 """Additional query rules; the gateway sends run commands of ROS."""
@@ -73,7 +74,10 @@ class Grant(NamedTuple):
 
 def grants(scenario: Scenario) -> Iterator[tuple[str, Grant]]:
     """Yield the name and permissions of each process of a scenario, observers and the operator."""
-    published = (STATE, CLOCK, BODIES, TRUE_MAP, GROUND_TRUTH, TRUE_WHEELS, JOINTS, VITALS)
+    published = (
+        *(STATE, STATE_BATCH, CLOCK, BODIES, TRUE_MAP),
+        *(GROUND_TRUTH, TRUE_WHEELS, JOINTS, VITALS),
+    )
     served = tuple(key("*") for key in (*_PUBLIC_QUERIES, *_CONTROL_QUERIES))
     yield "physics", Grant((*_own("physics"), *(row.key_in("*") for row in published)), served)
     for vehicle in scenario.vehicles:
@@ -99,8 +103,8 @@ def grants(scenario: Scenario) -> Iterator[tuple[str, Grant]]:
 def access_control(scenario: Scenario) -> dict[str, Any]:
     """Return the section `access_control` of the configuration of the scenario's router."""
     rules = [
-        _rule("receive", _ALL_MESSAGES, [ALL], flow="egress"),
-        _rule("subscribe", _SUBSCRIBE, [ALL]),
+        _rule("receive", _ALL_MESSAGES, [ALL, STATE_BATCH.key_in("*")], flow="egress"),
+        _rule("subscribe", _SUBSCRIBE, [ALL, STATE_BATCH.key_in("*")]),
         _rule("query", _QUERY, [f"{key('*')}/**" for key in _PUBLIC_QUERIES]),
         _rule("control", _QUERY, [f"{key('*')}/**" for key in _CONTROL_QUERIES]),
         _rule("operate", _QUERY, [ALL]),

@@ -135,6 +135,12 @@ class State(BusMessage, frozen=True):
         return self.epoch_nanos + self.sim_nanos
 
 
+class StateBatch(BusMessage, frozen=True):
+    """States of consecutive ticks, for processes that do not need each at once."""
+
+    states: tuple[State, ...]
+
+
 class Clock(BusMessage, frozen=True):
     """Clock of the run, for ROS nodes that use sim time."""
 

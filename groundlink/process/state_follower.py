@@ -9,12 +9,12 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
-from groundlink.bus.core_topics import STATE
-from groundlink.bus.inbox import BusInbox
+from groundlink.bus.channel import BusChannel
+from groundlink.bus.core_topics import BATCH_TICKS, STATE, STATE_BATCH
 from groundlink.bus.queries import history_key
 from groundlink.bus.session import Bus
 from groundlink.core.backoff import Backoff
-from groundlink.messages.base import Ack, State, decode
+from groundlink.messages.base import Ack, State, StateBatch, decode
 
 from .joining import JOIN_SECONDS, Heartbeat
 from .name_claim import NameClaim, NoClaim
@@ -53,6 +53,9 @@ class StateFollower(NamedTuple):
 
     claim: NameClaim | NoClaim = NoClaim()
 
+    is_urgent: bool = True
+    """Whether it needs each state at once. States of others come in batches."""
+
 
 def follow_states(
     bus: Bus,
@@ -72,22 +75,28 @@ def follow_states(
     waited_for
         physics waits for these followers and keeps the states that the bus lost, even the newest.
     """
-    states: BusInbox[State] = BusInbox(depth=STATES_KEPT)
-    bus.subscribe(STATE.key_in(run_name), State, states)
+    states: BusChannel[State] | BusChannel[StateBatch]
+    if any(follower.is_urgent for follower in followers):
+        states = bus.channel(STATE.key_in(run_name), State, depth=STATES_KEPT)
+    else:
+        depth = STATES_KEPT // BATCH_TICKS
+        states = bus.channel(STATE_BATCH.key_in(run_name), StateBatch, depth=depth)
     episode = _catch_up(bus, run_name, followers)
     heartbeats = [Heartbeat(bus, run_name, f.name, f.claim) for f in followers]
     backoff = Backoff(time.monotonic())
     while not ended():
-        if arrived := states.get(seconds=0.1):
+        if arrived := states.get():
             backoff.reset(time.monotonic())
-            state = arrived[1]
-            if state.episode != episode:
-                missed_of = _catch_up(bus, run_name, followers) if state.tick else None
-                episode = missed_of or state.episode
-            elif waited_for and any(0 <= f.consumer.tick < state.tick - 1 for f in followers):
-                _catch_up(bus, run_name, followers)
-            for follower in followers:
-                follower.consumer.take(state, len(states))
+            batch = arrived.states if isinstance(arrived, StateBatch) else (arrived,)
+            for count, state in enumerate(batch, 1):
+                if state.episode != episode:
+                    missed_of = _catch_up(bus, run_name, followers) if state.tick else None
+                    episode = missed_of or state.episode
+                elif waited_for and any(0 <= f.consumer.tick < state.tick - 1 for f in followers):
+                    _catch_up(bus, run_name, followers)
+                for follower in followers:
+                    waiting = len(batch) * (1 + len(states)) - count
+                    follower.consumer.take(state, waiting)
         elif waited_for and backoff.is_due(time.monotonic()):
             episode = _catch_up(bus, run_name, followers, episode) or episode
         for heartbeat, follower in zip(heartbeats, followers, strict=True):

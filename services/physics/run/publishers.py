@@ -5,10 +5,12 @@ from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from groundlink.bus.core_topics import CLOCK, STATE
+import msgspec
+
+from groundlink.bus.core_topics import BATCH_TICKS, CLOCK, STATE
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import BODIES, GROUND_TRUTH, JOINTS, TRUE_MAP, TRUE_WHEELS, VITALS
-from groundlink.messages.base import BusMessage, encode
+from groundlink.messages.base import BusMessage, State, StateBatch, encode
 from groundlink.scenario import Scenario
 
 Publish = Callable[[BusMessage], bytes]
@@ -18,7 +20,7 @@ Publish = Callable[[BusMessage], bytes]
 class Publishers:
     """A publisher for each message of the run, and for each message of a vehicle by name."""
 
-    state: Publish
+    state: Callable[[State], bytes]
     clock: Publish
     bodies: Publish
     true_map: Publish
@@ -52,6 +54,35 @@ class BusPublishers(Publishers):
                 if vehicle.name not in known:
                     key = topic.key_in(self._run, vehicle=vehicle.name)
                     known[vehicle.name] = self._bus.publisher(key, topic.delivery)
+
+
+class StatePublisher:
+    """Publishes each state at once, and all states in batches.
+
+    A batch ends early where a process may wait for an acknowledgement of its last state: at the
+    first state of an episode, and at every `ack_ticks`-th.
+    """
+
+    def __init__(self, state: Callable[[State], bytes], batch: Publish, ack_ticks: int) -> None:
+        self._state, self._batch, self._ack_ticks = state, batch, ack_ticks
+        self._encoded: list[msgspec.Raw] = []
+        self._episode: int | None = None
+
+    def __call__(self, state: State) -> bytes:
+        """Publish a state; return its bytes."""
+        payload = self._state(state)
+        self._encoded.append(msgspec.Raw(payload))
+        is_first, self._episode = state.episode != self._episode, state.episode
+        if is_first or not (state.tick % BATCH_TICKS and state.tick % self._ack_ticks):
+            self.flush()
+        return payload
+
+    def flush(self) -> None:
+        """Publish the states that wait for their batch, if any."""
+        if self._encoded:
+            # The encoder writes them as the states that they are.
+            self._batch(StateBatch(tuple(self._encoded)))  # type: ignore[arg-type]
+            self._encoded.clear()
 
 
 def silent_publishers() -> Publishers:

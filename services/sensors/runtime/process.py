@@ -44,6 +44,10 @@ from .model import (
 from .reading_ledger import ReadingLedger
 from .runner import SensorProcess
 
+BATCHED_HZ = 50.0
+"""Highest rate of readings for which states may come in batches, each up to 7.5 ms late. Where
+physics waits for its sensors, states may come late for all of them."""
+
 
 class NativeLink:
     """UDP link of one device to its destination, in the device's native format.
@@ -256,4 +260,5 @@ def follower(
         }
         return counts | counters_of(ledger.missing) | counted(live.active) | link.counters
 
-    return StateFollower(name, live, counters, claim)
+    is_urgent = time.mode == "realtime" and spec.message_rate_hz > BATCHED_HZ
+    return StateFollower(name, live, counters, claim, is_urgent=is_urgent)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from groundlink.bus.channel import BusChannel
 from groundlink.bus.core_topics import Delivery
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus, BusError
@@ -52,6 +53,63 @@ def test_messages_reach_every_subscriber_in_order(endpoint: str) -> None:
             assert message[0] == KEY
             ticks.append(message[1].tick)
         assert [tick for tick in ticks if tick >= 0] == list(range(500))
+
+
+def filled_channel(sender: Bus, receiver: Bus, *, depth: int, last: int) -> BusChannel[Clock]:
+    """Return a channel to which ticks up to the last have been sent."""
+    channel = receiver.channel(KEY, Clock, depth=depth)
+    publish = sender.publisher(KEY, Delivery.ALL)
+
+    def arrived() -> bool:
+        publish(Clock(0, 0, -1, 0))
+        return channel.get() is not None
+
+    wait_for(arrived)
+    for tick in range(last + 1):
+        publish(Clock(tick, 0, tick, 0))
+    return channel
+
+
+def ticks_of(channel: BusChannel[Clock], last: int) -> list[int]:
+    """Return what comes in a channel, up to the last tick."""
+    ticks: list[int] = []
+
+    def come() -> bool:
+        if clock := channel.get():
+            ticks.append(clock.tick)
+        return ticks[-1:] == [last]
+
+    wait_for(come)
+    return [tick for tick in ticks if tick >= 0]
+
+
+def test_a_channel_has_all_messages_in_order(endpoint: str) -> None:
+    with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
+        channel = filled_channel(sender, receiver, depth=1000, last=499)
+        assert ticks_of(channel, 499) == list(range(500))
+        assert channel.get() is None, "nothing has come"
+        assert len(channel) == 0
+
+
+def test_a_full_channel_drops_the_oldest(endpoint: str) -> None:
+    with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
+        inbox: BusInbox[Clock] = BusInbox(depth=1000)
+        receiver.subscribe(KEY, Clock, inbox)
+        channel = filled_channel(sender, receiver, depth=8, last=99)
+        while (message := inbox.get(seconds=10)) and message[1].tick != 99:
+            pass
+        found = ticks_of(channel, 99)
+        assert found == list(range(100 - len(found), 100))
+        assert len(found) <= 8
+
+
+def test_a_channel_counts_what_does_not_fit_its_schema(endpoint: str) -> None:
+    with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
+        channel = filled_channel(sender, receiver, depth=1000, last=0)
+        assert ticks_of(channel, 0) == [0]
+        sender.publisher_of_bytes(KEY)(b"not a message", b"")
+        wait_for(lambda: channel.get() is None and channel.refused)
+        assert channel.refused == 1
 
 
 def test_one_subscription_keeps_the_order_of_all_keys(endpoint: str) -> None:
