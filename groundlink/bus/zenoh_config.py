@@ -33,9 +33,10 @@ unsent data, or waits for a receiver, blocks for seconds: with the defaults, two
 cut off stopped the whole run. One thread sends, as by default: a second one doubles the context
 switches. Takes effect only before a process opens its first session, as `CLIENT_THREADS` does."""
 
-CLIENT_THREADS = "(rx: (worker_threads: 1))"
-"""Threads of Zenoh in other processes. They have one connection, which one thread reads. A second
-one adds a quarter to the context switches of a subscriber."""
+CLIENT_THREADS = "(rx: (worker_threads: 1), app: (handover: rx))"
+"""Threads of Zenoh in other processes. They have one connection; one thread reads it and fills the
+queues of subscribers. With the defaults, three threads, a subscriber takes twice as many context
+switches. A queue of a subscriber must therefore not wait for an answer of the same session."""
 
 _CONGESTION = "transport/link/tx/queue/congestion_control"
 SENDER_QUEUE = {

@@ -23,7 +23,8 @@ def exact(value: float) -> Fraction:
 class Schedule:
     """Events at a fixed rate without drift: event i is at i/rate seconds of sim time.
 
-    At 30 Hz, events are at ticks 0, 13 1/3, 26 2/3, 40.
+    At 30 Hz, events are at ticks 0, 13 1/3, 26 2/3, 40. Arithmetic is that of integers: that of
+    fractions took a quarter of an inertial unit's time.
     """
 
     rate_hz: Fraction
@@ -33,16 +34,15 @@ class Schedule:
         """Return the schedule of a rate from a scenario."""
         return cls(exact(rate_hz))
 
-    # Integers, not fractions, which take ten times as long: models ask at every tick.
-
     def nanos(self, index: int) -> int:
         """Return the sim time of event `index`, rounded down to whole nanoseconds."""
-        return index * NANOS * self.rate_hz.denominator // self.rate_hz.numerator
+        events, seconds = self.rate_hz.as_integer_ratio()
+        return index * NANOS * seconds // events
 
     def tick(self, index: int) -> int:
         """Return the first tick at or after event `index`; its state completes the measurement."""
-        nanos = index * NANOS * self.rate_hz.denominator
-        return -(-nanos // (self.rate_hz.numerator * TICK_NANOS))
+        events, seconds = self.rate_hz.as_integer_ratio()
+        return -(-index * NANOS * seconds // (events * TICK_NANOS))
 
     def first_at_or_after(self, tick: int) -> int:
         """Return the index of the first event at or after `tick`."""
@@ -50,7 +50,8 @@ class Schedule:
 
     def at_or_after_nanos(self, nanos: int) -> int:
         """Return the index of the first event at or after a sim time."""
-        return -(-nanos * self.rate_hz.numerator // (NANOS * self.rate_hz.denominator))
+        events, seconds = self.rate_hz.as_integer_ratio()
+        return -(-nanos * events // (NANOS * seconds))
 
     def between(self, tick: int, later: int) -> int:
         """Return the number of events strictly between the events of two ticks."""

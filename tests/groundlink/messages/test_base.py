@@ -48,8 +48,10 @@ REPORT = messages.StreamReport(
 )
 CHARGE = BatteryState(0.75, 25.5, 12.0)
 COVARIANCE = packed(np.arange(36.0))
+STATE = messages.State("run", 10**18, 10**18, 400, 10**9, "ab" * 32, {"rover": VEHICLE})
 EXAMPLES: list[BusMessage] = [
-    messages.State("run", 10**18, 10**18, 400, 10**9, "ab" * 32, {"rover": VEHICLE}),
+    STATE,
+    messages.StateBatch((STATE, STATE)),
     messages.State("run", 0, 0, 0, 0, "", {}, memoryview(bytes(2 * 7 * 8))),
     messages.Clock(2**62, 2**61, 3, 2**61),
     messages.Command(5, (0.5, 0.0, 0.0), (0.0, 0.0, -1.0)),
