@@ -339,8 +339,9 @@ class Link:
 
     def _take_large(self, queue: SendQueue, *fields: Any) -> Optional[OutgoingDatagram]:
         """Return the first parts of a large message if all queues are empty."""
-        if not self._is_idle():
-            return None
+        for other in self._turns:
+            if not other.is_idle:
+                return None
         now_nanos = time.monotonic_ns()
         if queue.flow.is_mostly_used:
             self._mailbox.collect(now_nanos, is_awaited=False)

@@ -112,6 +112,7 @@ class ReceiveLoop:
         elif not self._is_ended:  # a socket that was shut returns empty datagrams
             for taken in self._inbox.receive_batch(slots, batch, now_nanos):
                 self._hand_over(*taken, now_nanos)
+            self._send_requests(now_nanos)
 
     def _receive_one(self) -> None:
         try:
@@ -140,13 +141,16 @@ class ReceiveLoop:
         sender: Address,
         now_nanos: int,
     ) -> None:
-        if self._inbox.reassembler.pending_nacks:
-            for request in self._inbox.requests(now_nanos):  # first: a message waits for these
-                self._answer(*request)
+        self._send_requests(now_nanos)  # first: a message waits for these
         if credit is not None:
             self._answer(*credit)
         if message is not None:
             self._deliver(message, sender)
+
+    def _send_requests(self, now_nanos: int) -> None:
+        if self._inbox.reassembler.pending_nacks:
+            for request in self._inbox.requests(now_nanos):
+                self._answer(*request)
 
     def _deliver(self, message: Message, sender: Address) -> None:
         if self._is_ended:

@@ -7,7 +7,7 @@ requests that were sent tell these cases apart.
 
 from __future__ import annotations
 
-from typing import Optional, Tuple
+from typing import List, Optional, Tuple
 
 from udp_bridge.wire.header import NANOS, Header
 from udp_bridge.wire.message import Message
@@ -31,7 +31,7 @@ class DeliveryRules:
         self._senders = senders
         self._totals = totals
         self._keep_late = keep_late
-        self._unlogged: Optional[Tuple[DeliveryLog, MessageKey, int]] = None
+        self._unlogged: List[Tuple[DeliveryLog, MessageKey, int]] = []
 
     def detect_restart(self, topic: TopicState, header: Header, now_nanos: int) -> None:
         """Start a topic over if its sender was restarted."""
@@ -122,21 +122,19 @@ class DeliveryRules:
 
     def deliver(self, topic: TopicState, header: Header, body: memoryview) -> Message:
         """Return a message that passed all rules; `log_delivered` enters it into the log."""
-        if self._unlogged is not None:
-            self.log_delivered()
         if not topic.sender.is_proven:
             self._senders.mark_proven(topic.sender)
         self._totals.messages += 1
         message = message_of(header, body)
-        self._unlogged = (topic.log, (message.seq_number, message.stamp_nanos), body.nbytes)
+        self._unlogged.append((topic.log, key_of(message), body.nbytes))
         return message
 
     def log_delivered(self) -> None:
-        """Enter the last message into its log. This is done after the user has got the message."""
-        if self._unlogged is not None:
-            log, key, size = self._unlogged
-            self._unlogged = None
-            log.mark_delivered(key, size)
+        """Enter messages into their logs. This is done after their users have got them."""
+        if self._unlogged:
+            for log, key, size in self._unlogged:
+                log.mark_delivered(key, size)
+            self._unlogged.clear()
 
 
 def message_of(header: Header, body: memoryview) -> Message:

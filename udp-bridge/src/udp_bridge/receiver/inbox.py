@@ -7,7 +7,7 @@ and reports are returned when the caller asks for them.
 
 from __future__ import annotations
 
-from typing import Callable, List, Optional, Tuple, cast
+from typing import Callable, Iterator, List, Optional, Tuple, cast
 
 from udp_bridge.wire.address_validation import AddressChallenge, AddressResponse
 from udp_bridge.wire.control import Credit, CreditRequest, LinkReport, TopicReport
@@ -149,12 +149,11 @@ class Inbox:
 
     def receive_batch(
         self, slots: ReceiveSlots, batch: PartBatch, now_nanos: int
-    ) -> List[Tuple[Optional[Message], Optional[Answer], Address]]:
-        """Take a batch that was received into slots; return message, Credit and sender of each.
+    ) -> Iterator[Tuple[Optional[Message], Optional[Answer], Address]]:
+        """Take a batch that was received into slots; yield messages and Credits with their sender.
 
-        All parts that lie in their slots are one element, the unmatched datagram is another one.
+        A message is yielded before the rest of what follows its delivery.
         """
-        received = []
         if batch.part_ranges or batch.mailbox_credits:
             self._record_delivered()
         if batch.mailbox_credits:
@@ -162,14 +161,13 @@ class Inbox:
         if batch.is_delegation_done:
             self._on_delegation_done()
         if batch.part_ranges:
-            received.append((*self._receive_parts(slots, batch, now_nanos), slots.sender))
+            yield from self._receive_parts(slots, batch, now_nanos)
         if batch.refused:
             self.refuse(batch.refused)
         elif batch.unmatched is not None:
             assert batch.unmatched_sender is not None
             one = self.receive(memoryview(batch.unmatched), batch.unmatched_sender, now_nanos)
-            received.append((*one, batch.unmatched_sender))
-        return received
+            yield (*one, batch.unmatched_sender)
 
     def _count_mailbox_credits(self, batch: PartBatch, now_nanos: int) -> None:
         """Count Credits that the socket put into the sender's mailbox like all others."""
@@ -178,16 +176,21 @@ class Inbox:
         self.bytes_received += batch.mailbox_bytes
         self.reassembler.counters.messages += batch.mailbox_credits
 
-    def _receive_parts(self, slots: ReceiveSlots, batch: PartBatch, now_nanos: int) -> Received:
+    def _receive_parts(
+        self, slots: ReceiveSlots, batch: PartBatch, now_nanos: int
+    ) -> Iterator[Tuple[Optional[Message], Optional[Answer], Address]]:
         sender = slots.sender
         header = self._predictor.header_of(batch)
+        late = self.reassembler.counters.late
+        message = self.reassembler.accept_batch(header, slots, batch, now_nanos)
+        is_complete = message is not None or self.reassembler.counters.late != late
+        if message is not None:
+            yield message, None, sender
         count, (first, last_count) = batch.parts_count, batch.part_ranges[-1]
         size = count * (len(batch.header) + slots.part_size)
         size -= slots.part_size - batch.last_part_size
         self.datagrams += count
         self.bytes_received += size
-        late = self.reassembler.counters.late
-        message = self.reassembler.accept_batch(header, slots, batch, now_nanos)
         if message is None:
             assembly = self.reassembler.open_message(header, sender, now_nanos)
             nacks = self.reassembler.nack_tracker(header, sender)
@@ -208,11 +211,12 @@ class Inbox:
             self.socket_answer_bytes += _header_size(header) + _REQUEST_BODY
             self.socket_answer_bytes += len(batch.nack_bitmap)
         peer.uncredited_bytes = batch.uncredited_bytes
-        if not batch.uncredited_bytes:
-            return message, None
-        last = header._replace(part_number=first + last_count - 1)
-        is_complete = message is not None or self.reassembler.counters.late != late
-        return message, self._credit_if_due(last, is_complete, sender, peer)
+        credit = None
+        if batch.uncredited_bytes:
+            last = header._replace(part_number=first + last_count - 1)
+            credit = self._credit_if_due(last, is_complete, sender, peer)
+        if message is None or credit is not None:
+            yield None, credit, sender
 
     def _credit_if_due(
         self, header: Header, is_complete: bool, sender: Address, peer: Peer

@@ -28,36 +28,24 @@ _NAMES_OFFSET = FIXED_SIZE - 2
 """Where the sizes of the names stand, and then the names."""
 _FIELDS = Struct("<2xIBBii")
 """seq_number, part_number, parts_max, time_sec, time_nsec."""
+_STATE = Struct("<I?3xq")
+"""Number of the next message, whether the topic is ordered by stamp, stamp of the last message."""
 _WireKey = Tuple[Address, bytes, bytes]
 """Sender, first bytes and names of a header: what all datagrams of a topic and link share."""
+_Row = Tuple["SmallTopic", bytearray, int, str, str]
+"""A topic with its `_STATE`, msg_type, name and link."""
 
 
 class SmallTopic:
     """A topic of one sender with its link, while all its messages are small and in order."""
 
-    __slots__ = (
-        "_table",
-        "_wire_key",
-        "is_stamp_ordered",
-        "key",
-        "link",
-        "next_number",
-        "sender",
-        "stamp_nanos",
-    )
+    __slots__ = ("_table", "_wire_key", "key", "sender")
 
-    def __init__(
-        self, table: Dict[_WireKey, SmallTopic], wire_key: _WireKey, header: Header
-    ) -> None:
+    def __init__(self, table: Dict[_WireKey, _Row], wire_key: _WireKey, key: TopicKey) -> None:
         self._table = table
         self._wire_key = wire_key
+        self.key = key
         self.sender = wire_key[0]
-        self.key: TopicKey = (header.msg_type, header.topic)
-        self.link = header.link
-        self.is_stamp_ordered = header.msg_type in STAMP_ORDERED
-        self.next_number = (header.seq_number + 1) % SEQ_NUMBERS
-        self.stamp_nanos = header.stamp_nanos
-        """Stamp of the last message."""
 
     def end(self) -> None:
         """Follow this topic no longer."""
@@ -88,14 +76,18 @@ class SmallTopics:
 
     def __init__(self) -> None:
         self.delivered: List[DeliveredMessage] = []
-        self.table: Dict[_WireKey, SmallTopic] = {}
+        self.table: Dict[_WireKey, _Row] = {}
 
     def follow(self, header: Header, packed: bytes, sender: Address) -> SmallTopic:
         """Follow the topic of a message that was delivered in order."""
         if len(self.table) >= SMALL_TOPICS:
             self.table.clear()
+        msg_type = header.msg_type
         wire_key = sender, packed[:2], packed[_NAMES_OFFSET:]
-        topic = self.table[wire_key] = SmallTopic(self.table, wire_key, header)
+        topic = SmallTopic(self.table, wire_key, (msg_type, header.topic))
+        upcoming = (header.seq_number + 1) % SEQ_NUMBERS
+        state = bytearray(_STATE.pack(upcoming, msg_type in STAMP_ORDERED, header.stamp_nanos))
+        self.table[wire_key] = topic, state, msg_type, header.topic, header.link
         return topic
 
     def take(self, datagram: Buffer, sender: Address, now_nanos: int) -> Optional[Message]:
@@ -105,24 +97,24 @@ class SmallTopics:
             return None
         offset = datagram[1]
         names = bytes(datagram[_NAMES_OFFSET:offset])
-        topic = self.table.get((sender, bytes(datagram[:2]), names))
-        if topic is None or size < offset:
+        row = self.table.get((sender, bytes(datagram[:2]), names))
+        if row is None or size < offset:
             return None
+        topic, state, msg_type, name, link = row
+        upcoming, is_stamp_ordered, last_stamp_nanos = _STATE.unpack(state)
         number, part_number, parts_max, sec, nsec = _FIELDS.unpack_from(datagram)
         stamp_nanos = sec * NANOS + nsec
         if (
-            number != topic.next_number
+            number != upcoming
             or part_number
             or parts_max != 1
             or not 0 <= nsec < NANOS
-            or (topic.is_stamp_ordered and stamp_nanos < topic.stamp_nanos)
+            or (is_stamp_ordered and stamp_nanos < last_stamp_nanos)
         ):
             return None
-        topic.next_number = (number + 1) % SEQ_NUMBERS
-        topic.stamp_nanos = stamp_nanos
-        msg_type, name = topic.key
+        _STATE.pack_into(state, 0, (number + 1) % SEQ_NUMBERS, is_stamp_ordered, stamp_nanos)
         body = memoryview(datagram if isinstance(datagram, bytes) else bytes(datagram))[offset:]
-        message = Message(msg_type, name, topic.link, stamp_nanos, number, body)
+        message = Message(msg_type, name, link, stamp_nanos, number, body)
         self.delivered.append(DeliveredMessage(topic, message, size, now_nanos))
         return message
 

@@ -104,27 +104,25 @@ class SmallMessages:
     """Waiting single-part messages by order of arrival, bounded by topic."""
 
     def __init__(self) -> None:
-        self._messages: OrderedDict[int, Message] = OrderedDict()
+        self.messages: OrderedDict[int, Message] = OrderedDict()
+        """Waiting messages by order of arrival."""
         self._of_topic: Dict[TopicKey, Deque[int]] = {}
         self._arrivals = 0
-
-    def __bool__(self) -> bool:
-        return bool(self._messages)
 
     def put(self, message: Message) -> List[Message]:
         """Add a message; return those that it supersedes."""
         superseded = []
         waiting = self._of_topic.setdefault((message.msg_type, message.topic), deque())
         if len(waiting) >= SMALL_PER_TOPIC:
-            superseded.append(self._messages.pop(waiting.popleft()))
+            superseded.append(self.messages.pop(waiting.popleft()))
         self._arrivals += 1
         waiting.append(self._arrivals)
-        self._messages[self._arrivals] = message
+        self.messages[self._arrivals] = message
         return superseded
 
     def pop(self) -> Message:
         """Remove and return the oldest message."""
-        _, message = self._messages.popitem(last=False)
+        _, message = self.messages.popitem(last=False)
         key = (message.msg_type, message.topic)
         self._of_topic[key].popleft()
         if not self._of_topic[key]:
@@ -140,15 +138,13 @@ class LargeMessages:
 
     def __init__(self, limits: QueueLimits) -> None:
         self._limits = limits
-        self._of_link: OrderedDict[_LinkKey, Deque[Message]] = OrderedDict()
-
-    def __bool__(self) -> bool:
-        return bool(self._of_link)
+        self.of_link: OrderedDict[_LinkKey, Deque[Message]] = OrderedDict()
+        """Waiting messages; the topic whose turn it is comes last."""
 
     def put(self, message: Message) -> List[Message]:
         """Add a message; return those that it supersedes."""
         key = (message.msg_type, message.topic, message.link)
-        waiting = self._of_link.setdefault(key, deque())
+        waiting = self.of_link.setdefault(key, deque())
         waiting.append(message)
         superseded = []
         limit = self._limits.get(key[:2], 0)
@@ -158,10 +154,10 @@ class LargeMessages:
 
     def pop(self) -> Message:
         """Remove and return the message whose turn it is."""
-        key, waiting = self._of_link.popitem(last=False)
+        key, waiting = self.of_link.popitem(last=False)
         message = waiting.popleft()
         if waiting:
-            self._of_link[key] = waiting  # behind other topics
+            self.of_link[key] = waiting  # behind other topics
         return message
 
 
@@ -186,6 +182,8 @@ class SendQueue:
         """Messages that were dropped here because newer ones of their topic came."""
         self.too_large = 0
         """Messages that did not fit at any datagram size."""
+        self.current_topic: TopicKey = (0, "")
+        """The topic of the newest large message that was begun."""
         self._datagram_size = check_datagram_size(datagram_size)
         self._signed_peer = signed_peer
         self._reserve = reserve  # bytes of each datagram that a socket wrapper adds
@@ -236,7 +234,7 @@ class SendQueue:
         first of its topic, be large, have a repair mode, or be invalid.
         """
         template = self._templates.get((msg_type, topic, link))
-        if template is None or self._small or self._repair_datagrams:
+        if template is None or self._small.messages or self._repair_datagrams:
             return 0
         packed, _, cut, _ = template
         if cut.parts_max != 1:
@@ -279,8 +277,16 @@ class SendQueue:
         if count < 1:
             return None
         number = self.delivery.next_number((msg_type, topic), stamp_nanos, view.nbytes)
-        message = Message(msg_type, topic, link, stamp_nanos, number, body)
         parts = Parts(restamped(packed, number, stamp_nanos), view, cut)
+        if count == cut.parts_max and limit_nanos is None:  # nothing is left to remember
+            self.current_topic = msg_type, topic
+            total = view.nbytes + count * len(packed)
+            last_size = total - (count - 1) * size
+            key = DatagramKey(msg_type, topic, number, 0)
+            self.flow.sent(key, count, size, last_size, now_nanos)
+            batch = OutgoingBatch(parts, 0, count, total)
+            return OutgoingDatagram(parts.packed, view, self.to, True, batch)
+        message = Message(msg_type, topic, link, stamp_nanos, number, body)
         self._begin(message, parts, limit_nanos, now_nanos)
         return self._send_parts(parts, count, now_nanos, is_batch=True)
 
@@ -291,7 +297,7 @@ class SendQueue:
         """
         if self._repair_datagrams:
             return OutgoingDatagram(*self._repair_datagrams.popleft(), self.to, is_last=False)
-        if self._small:
+        if self._small.messages:
             return self._take_small(now_nanos)
         resend = self.resender.next_resend(now_nanos)
         if resend is not None:
@@ -345,20 +351,16 @@ class SendQueue:
         return self._send_parts(self._parts, count, now_nanos, is_batch=True)
 
     @property
-    def current_topic(self) -> TopicKey:
-        """The topic of the newest large message that was begun."""
-        assert self._message is not None
-        return self._message.msg_type, self._message.topic
-
-    @property
     def is_idle(self) -> bool:
         """Whether nothing waits. Offers do not count, because they are repeated for some time."""
-        waiting = self._small or self._large or self._parts or self._repair_datagrams
+        waiting = (
+            self._small.messages or self._large.of_link or self._parts or self._repair_datagrams
+        )
         return not waiting and self.resender.is_idle
 
     def next_wake(self, now_nanos: int) -> Optional[int]:
         """Return when to call `take` again if nothing happens; None when nothing waits."""
-        if self._small or self._repair_datagrams:
+        if self._small.messages or self._repair_datagrams:
             return now_nanos
         resend = self.resender.next_resend(now_nanos)
         if resend is not None:
@@ -400,7 +402,7 @@ class SendQueue:
 
     def _next_parts(self, now_nanos: int) -> Optional[Parts]:
         """Return what is left of the current large message; begin the next one if needed."""
-        if self._parts is None and self._large:
+        if self._parts is None and self._large.of_link:
             message, parts, limit_nanos, self._fec = self._number(self._large.pop())
             self._begin(message, parts, limit_nanos, now_nanos)
         return self._parts
@@ -410,6 +412,7 @@ class SendQueue:
     ) -> None:
         """Make a large message the current one."""
         self._message, self._parts, self._entry = message, parts, None
+        self.current_topic = message.msg_type, message.topic
         if limit_nanos is not None:
             self._entry = self.resender.add(
                 message, parts.cut, parts.packed, limit_nanos, now_nanos

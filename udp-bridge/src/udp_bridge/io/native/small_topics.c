@@ -2,6 +2,8 @@
 // Small messages that are next in order, as `SmallTopics.take` finds them; see `small_topics.py`.
 #include "batch_io.h"
 
+enum { STATE_SIZE = 16 }; // `_STATE`
+
 // Return a named tuple of these items, which are given away, or NULL where one of them is missing.
 static PyObject *named_tuple(PyObject *type, int count, PyObject **items)
 {
@@ -14,59 +16,46 @@ static PyObject *named_tuple(PyObject *type, int count, PyObject **items)
     return made;
 }
 
-// Read an integer attribute; return false, with an exception, if there is none.
-static int read_attribute(PyObject *object, const char *name, long long *value)
+// Return the message that continues a topic, and append it to the delivered ones. `row` is a tuple:
+// topic, state, msg_type, name, link.
+static PyObject *continued(PyObject *row, PyObject *datagram, const struct small_topics *small)
 {
-    PyObject *found = PyObject_GetAttrString(object, name);
-    *value = found ? PyLong_AsLongLong(found) : -1;
-    Py_XDECREF(found);
-    return !PyErr_Occurred();
-}
-
-static int write_attribute(PyObject *object, const char *name, PyObject *value)
-{
-    int is_set = value && !PyObject_SetAttrString(object, name, value);
-    Py_XDECREF(value);
-    return is_set;
-}
-
-// Return the message that continues a topic, and append it to the delivered ones.
-static PyObject *continued(PyObject *topic, PyObject *datagram, const struct small_topics *small)
-{
+    PyObject *state = PyTuple_Check(row) && PyTuple_GET_SIZE(row) == 5 ? PyTuple_GET_ITEM(row, 1) : NULL;
+    if (!state || !PyByteArray_Check(state) || PyByteArray_GET_SIZE(state) != STATE_SIZE) {
+        PyErr_SetString(PyExc_TypeError, "this is no small topic");
+        return NULL;
+    }
     const unsigned char *head = (unsigned char *)PyBytes_AS_STRING(datagram);
-    Py_ssize_t size = PyBytes_GET_SIZE(datagram);
-    long long next, newest, is_ordered;
+    unsigned char *bytes = (unsigned char *)PyByteArray_AS_STRING(state);
     uint32_t number = u32(head + SEQ_NUMBER), nsec = u32(head + TIME_NSEC);
-    long long stamp = (int32_t)u32(head + TIME) * (long long)NANOS + nsec;
-    if (!read_attribute(topic, "next_number", &next) ||
-        !read_attribute(topic, "stamp_nanos", &newest) ||
-        !read_attribute(topic, "is_stamp_ordered", &is_ordered))
+    int64_t stamp = (int32_t)u32(head + TIME) * (int64_t)NANOS + nsec;
+    int64_t last_stamp = (int64_t)(u32(bytes + 8) | (uint64_t)u32(bytes + 12) << 32);
+    if (number != u32(bytes) || head[PART_NUMBER] || head[PARTS_MAX] != 1 || nsec >= NANOS ||
+        (bytes[4] && stamp < last_stamp))
         return NULL;
-    if (number != next || head[PART_NUMBER] || head[PARTS_MAX] != 1 || nsec >= NANOS ||
-        (is_ordered && stamp < newest))
-        return NULL;
-    PyObject *key = PyObject_GetAttrString(topic, "key"), *whole = PyMemoryView_FromObject(datagram);
-    PyObject *message = NULL, *record = NULL;
-    if (key && whole && PyTuple_Check(key) && PyTuple_GET_SIZE(key) == 2) {
-        PyObject *fields[] = {
-            Py_NewRef(PyTuple_GET_ITEM(key, 0)), Py_NewRef(PyTuple_GET_ITEM(key, 1)),
-            PyObject_GetAttrString(topic, "link"), PyLong_FromLongLong(stamp),
-            PyLong_FromUnsignedLong(number), PySequence_GetSlice(whole, head[1], size),
-            PyLong_FromLong(1),
-        };
-        message = named_tuple(small->message_type, 7, fields);
-    }
-    Py_XDECREF(key);
+    PyObject *whole = PyMemoryView_FromObject(datagram), *record = NULL;
+    PyObject *fields[] = {
+        Py_NewRef(PyTuple_GET_ITEM(row, 2)), Py_NewRef(PyTuple_GET_ITEM(row, 3)),
+        Py_NewRef(PyTuple_GET_ITEM(row, 4)), PyLong_FromLongLong(stamp),
+        PyLong_FromUnsignedLong(number),
+        whole ? PySequence_GetSlice(whole, head[1], PyBytes_GET_SIZE(datagram)) : NULL,
+        PyLong_FromLong(1),
+    };
     Py_XDECREF(whole);
+    PyObject *message = named_tuple(small->message_type, 7, fields);
     if (message) {
-        PyObject *fields[] = {Py_NewRef(topic), Py_NewRef(message), PyLong_FromSsize_t(size),
+        PyObject *values[] = {Py_NewRef(PyTuple_GET_ITEM(row, 0)), Py_NewRef(message),
+                              PyLong_FromSsize_t(PyBytes_GET_SIZE(datagram)),
                               PyLong_FromLongLong(now_nanos())};
-        record = named_tuple(small->record_type, 4, fields);
+        record = named_tuple(small->record_type, 4, values);
     }
-    if (!record || PyList_Append(small->delivered, record) ||
-        !write_attribute(topic, "next_number", PyLong_FromUnsignedLong(number + 1)) ||
-        !write_attribute(topic, "stamp_nanos", PyLong_FromLongLong(stamp)))
+    if (record && !PyList_Append(small->delivered, record)) {
+        put_u32(bytes, number + 1);
+        put_u32(bytes + 8, (uint32_t)stamp);
+        put_u32(bytes + 12, (uint32_t)((uint64_t)stamp >> 32));
+    } else {
         Py_CLEAR(message);
+    }
     Py_XDECREF(record);
     return message;
 }
@@ -80,9 +69,9 @@ PyObject *take_small(PyObject *datagram, PyObject *sender, const struct small_to
     if (offset < HEADER_MIN || size < offset) return NULL;
     PyObject *key = Py_BuildValue("(Oy#y#)", sender, head, (Py_ssize_t)SEQ_NUMBER,
                                   head + TOPIC_SIZE, offset - TOPIC_SIZE);
-    PyObject *topic = key ? PyDict_GetItemWithError(small->table, key) : NULL;
+    PyObject *row = key ? PyDict_GetItemWithError(small->table, key) : NULL;
     Py_XDECREF(key);
-    return topic ? continued(topic, datagram, small) : NULL;
+    return row ? continued(row, datagram, small) : NULL;
 }
 
 int are_small_topics(const struct small_topics *small)
