@@ -51,7 +51,7 @@ class Reading(BusMessage, frozen=True, kw_only=True, omit_defaults=True):
 
 def all_messages() -> set[type[BusMessage]]:
     """Return all message types of imported modules."""
-    return {*BusMessage.__subclasses__(), *Reading.__subclasses__()} - {Reading}
+    return {*BusMessage.__subclasses__(), *Reading.__subclasses__()} - {Reading, EncodedState}
 
 
 def measured_nanos(message: BusMessage) -> int:
@@ -139,6 +139,19 @@ class StateBatch(BusMessage, frozen=True):
     """States of consecutive ticks, for processes that do not need each at once."""
 
     states: tuple[State, ...]
+
+
+class EncodedState(BusMessage, frozen=True):
+    """A `State` whose vehicles are encoded; it has the same bytes."""
+
+    run: str
+    episode: int = msgspec.field(name="life")
+    epoch_nanos: int
+    tick: int
+    sim_nanos: int
+    world_hash: str
+    vehicles: msgspec.Raw
+    actors: memoryview
 
 
 class Clock(BusMessage, frozen=True):

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from groundlink.core.fields import Quaternion, Vector3
 from groundlink.world.solids import Solid
 
+from .bodies import ArticulatedBody, BodyList, Contacts
+
 RAY, GROUND, OBSTACLE, CHASSIS, WHEEL, TERRAIN, SCRIPTED, FREE = (1 << bit for bit in range(8))
 """Collision groups. Rays of the engine belong to the first one."""
 
@@ -40,10 +42,6 @@ Heights = NDArray[np.float32]
 Pose = tuple[Vector3, Quaternion]
 Twist = tuple[Vector3, Vector3]
 """Linear (m/s) and angular (rad/s) velocity."""
-
-ContactPoint = tuple[int, int, Vector3, Vector3, float]
-"""Other body, link of this body, point on the other body (m), normal toward this body, normal
-force (N)."""
 
 
 class Surface(NamedTuple):
@@ -99,9 +97,9 @@ class Backend(Protocol):
         """Replace the heights of a heightfield and move its origin."""
 
     def add_articulated(
-        self, urdf: str, files: Mapping[str, str], pose: Pose
-    ) -> tuple[int, dict[str, int]]:
-        """Add a body described in URDF; return it and its joints by name.
+        self, urdf: str, files: Mapping[str, str], joints: Sequence[str], pose: Pose
+    ) -> ArticulatedBody:
+        """Add a body described in URDF; return it with joints in the order of their names.
 
         Nothing damps its motion and no motor holds its joints.
 
@@ -135,22 +133,19 @@ class Backend(Protocol):
     def set_velocity(self, body: int, linear_mps: Vector3, angular_radps: Vector3) -> None:
         """Set the velocity of a body's base."""
 
-    def push(self, body: int, force_n: Vector3, torque_nm: Vector3) -> None:
-        """Apply a force at the center of mass and a torque for one step, in the base's frame."""
-
-    def joint_states(self, body: int, joints: Sequence[int]) -> Sequence[Sequence[float]]:
-        """Return position (m) and velocity (m/s) of joints; a row may have more columns."""
-
     def set_joint_states(
-        self, body: int, joints: Sequence[int], states: Sequence[tuple[float, float]]
+        self, body: ArticulatedBody, states: Sequence[tuple[float, float]]
     ) -> None:
-        """Set position (m) and velocity (m/s) of joints."""
+        """Set position (m) and velocity (m/s) of all joints of a body."""
 
-    def set_joint_forces(self, body: int, joints: Sequence[int], forces_n: Sequence[float]) -> None:
-        """Apply forces along joints for one step."""
+    def sense(self, bodies: BodyList) -> None:
+        """Read the motion of bodies and their joints."""
 
-    def contacts(self, body: int) -> list[ContactPoint]:
-        """Return the contact points of the last step that carry a force."""
+    def push(self, bodies: BodyList) -> None:
+        """Apply the forces of bodies and their joints for one step."""
+
+    def contacts(self) -> Contacts:
+        """Return the contact points of the last step that carry a force, until the next call."""
 
     def ray(self, start_m: Vector3, end_m: Vector3) -> tuple[int, Vector3] | None:
         """Return the first body on a line and where the line meets it; None for no body."""

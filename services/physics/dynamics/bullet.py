@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The backend that runs PyBullet. Each backend is a world of its own."""
 
+import ctypes
 import os
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from ctypes import byref
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from groundlink.core.clock import TICK_SECONDS
-from groundlink.core.errors import UserError
+from groundlink.core.errors import RequirementError, UserError
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import IDENTITY_QUATERNION
 from groundlink.world.mesh_asset import load_mesh as mesh_surface
@@ -24,11 +26,12 @@ from .backend import (
     COLLIDES_WITH,
     GRAVITY_MPS2,
     TERRAIN,
-    ContactPoint,
     Heights,
     Pose,
     Surface,
 )
+from .bodies import ArticulatedBody, BodyList, Contacts
+from .kernels import kernels, library_file
 
 
 @contextmanager
@@ -81,11 +84,27 @@ class _Client:
             self._id = -1
 
 
+def _world(client: _Client) -> int:
+    """Return the C API's handle of a world; see `bullet.c`."""
+    if missing := kernels().bullet_bind(ctypes.CDLL(pybullet.__file__)._handle):
+        raise RequirementError(
+            f"PyBullet here has no `{missing.decode()}`. Fix: pip install 'groundlink[physics]'"
+        )
+    if client.loadPlugin(library_file(), "_groundlink") < 0:
+        raise RequirementError(
+            "PyBullet here is of another version. Fix: pip install 'groundlink[physics]'"
+        )
+    world: int = kernels().bullet_world()
+    return world
+
+
 class BulletBackend:
     """A PyBullet world in this process; `Backend` documents its methods."""
 
     def __init__(self) -> None:
         self._bullet = _Client()
+        self._kernels, self._world = kernels(), _world(self._bullet)
+        self._contacts = Contacts()
         self.set_gravity((0.0, 0.0, -GRAVITY_MPS2))
         self._bullet.setPhysicsEngineParameter(
             fixedTimeStep=TICK_SECONDS,
@@ -221,8 +240,8 @@ class BulletBackend:
         return shape
 
     def add_articulated(
-        self, urdf: str, files: Mapping[str, str], pose: Pose
-    ) -> tuple[int, dict[str, int]]:
+        self, urdf: str, files: Mapping[str, str], joints: Sequence[str], pose: Pose
+    ) -> ArticulatedBody:
         with tempfile.TemporaryDirectory() as folder:
             for name, content in {"body.urdf": urdf, **files}.items():
                 Path(folder, name).write_text(content)
@@ -231,18 +250,18 @@ class BulletBackend:
                 *pose,
                 flags=pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER,
             )
-        joints = {
-            self._bullet.getJointInfo(body, joint)[1].decode(): joint
-            for joint in range(self._bullet.getNumJoints(body))
-        }
-        for link in (BASE, *joints.values()):
+        links = range(self._bullet.getNumJoints(body))
+        for link in (BASE, *links):
             # Bullet would damp every motion by 4 % a second; what it damps more is not linear.
             self._change(body, link, linearDamping=0, angularDamping=0, jointDamping=0)
         # Bullet's joints come with motors that hold them.
         self._bullet.setJointMotorControlArray(
-            body, list(joints.values()), pybullet.VELOCITY_CONTROL, forces=[0] * len(joints)
+            body, links, pybullet.VELOCITY_CONTROL, forces=[0] * len(links)
         )
-        return body, joints
+        # Number, name, type, and places in the vectors of positions and of velocities.
+        found = [self._bullet.getJointInfo(body, link) for link in links]
+        places = {info[1].decode(): (info[0], info[3], info[4]) for info in found}
+        return ArticulatedBody(body, [places[name] for name in joints])
 
     def remove(self, body: int) -> None:
         self._bullet.removeBody(body)
@@ -275,39 +294,32 @@ class BulletBackend:
     def set_velocity(self, body: int, linear_mps: Vector3, angular_radps: Vector3) -> None:
         self._bullet.resetBaseVelocity(body, linear_mps, angular_radps)
 
-    def push(self, body: int, force_n: Vector3, torque_nm: Vector3) -> None:
-        frame = pybullet.LINK_FRAME
-        self._bullet.applyExternalForce(body, BASE, force_n, _ORIGIN, frame)
-        self._bullet.applyExternalTorque(body, BASE, torque_nm, frame)
-
-    def joint_states(self, body: int, joints: Sequence[int]) -> Sequence[Sequence[float]]:
-        states: Sequence[Any] = self._bullet.getJointStates(body, joints)
-        return states
-
     def set_joint_states(
-        self, body: int, joints: Sequence[int], states: Sequence[tuple[float, float]]
+        self, body: ArticulatedBody, states: Sequence[tuple[float, float]]
     ) -> None:
-        for joint, state in zip(joints, states, strict=True):
-            self._bullet.resetJointState(body, joint, *state)
+        for joint, state in zip(body.joints, states, strict=True):
+            self._bullet.resetJointState(body.number, joint.link, *state)
 
-    def set_joint_forces(self, body: int, joints: Sequence[int], forces_n: Sequence[float]) -> None:
-        self._bullet.setJointMotorControlArray(
-            body, joints, pybullet.TORQUE_CONTROL, forces=forces_n
-        )
+    def sense(self, bodies: BodyList) -> None:
+        self._kernels.bullet_sense(self._world, bodies.address, len(bodies.bodies))
 
-    def contacts(self, body: int) -> list[ContactPoint]:
-        found = self._bullet.getContactPoints(body)
-        return [(c[2], c[3], c[6], c[7], c[9]) for c in found if c[9] > 0.0]
+    def push(self, bodies: BodyList) -> None:
+        self._kernels.bullet_push(self._world, bodies.address, len(bodies.bodies))
+
+    def contacts(self) -> Contacts:
+        self._kernels.bullet_contacts(self._world, byref(self._contacts))
+        return self._contacts
 
     def ray(self, start_m: Vector3, end_m: Vector3) -> tuple[int, Vector3] | None:
         [(body, _, _, point, _)] = self._bullet.rayTest(start_m, end_m)
         return None if body < 0 else (body, point)
 
     def step(self) -> None:
-        self._bullet.stepSimulation()
+        self._kernels.bullet_step(self._world)
 
     def close(self) -> None:
         self._bullet.close()
+        self._kernels.contacts_free(byref(self._contacts))
 
 
 def _primitive(shape: Shape) -> tuple[int, list[float], float, float]:

@@ -68,17 +68,15 @@ class NoTerrain:
         """Return the z above which heights count."""
         return 0.0
 
-    def friction_at(self, x_m: float, y_m: float) -> float:
-        """Return zero."""
-        return 0.0
-
-    def roughness_at(self, x_m: float, y_m: float) -> float:
-        """Return zero."""
-        return 0.0
-
 
 class TerrainWindows:
-    """A map and its windows."""
+    """A map and its windows.
+
+    Attributes
+    ----------
+    frictions, roughness
+        of the map's materials.
+    """
 
     def __init__(
         self,
@@ -90,8 +88,8 @@ class TerrainWindows:
         self._backend = backend
         self.ground = ground
         self._windows: list[tuple[TerrainWindow, CarriedBody]] = []
-        self._frictions = [materials[name].friction for name in ground.materials]
-        self._roughness = [roughness(name) for name in ground.materials]
+        self.frictions = [materials[name].friction for name in ground.materials]
+        self.roughness = [roughness(name) for name in ground.materials]
         # A view of the bytes: for one cell it takes a third of an array's time.
         self._surface = ground.surface.data
         rows, columns = ground.surface.shape
@@ -128,11 +126,7 @@ class TerrainWindows:
 
     def friction_at(self, x_m: float, y_m: float) -> float:
         """Return the coefficient of friction at a point; beyond the map that of its edge."""
-        return self._frictions[self._material_at(x_m, y_m)]
-
-    def roughness_at(self, x_m: float, y_m: float) -> float:
-        """Return the roughness at a point; beyond the map that of its edge."""
-        return self._roughness[self._material_at(x_m, y_m)]
+        return self.frictions[self._material_at(x_m, y_m)]
 
     def _material_at(self, x_m: float, y_m: float) -> int:
         ground = self.ground

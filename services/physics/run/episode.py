@@ -35,6 +35,7 @@ from groundlink.messages.base import (
     Ack,
     Clock,
     Command,
+    EncodedState,
     State,
     WheelCommand,
     decode,
@@ -121,6 +122,7 @@ class Episode:
         self._simulation = Simulation(scenario, static, memory=memory.simulation)
         self._clock = Schedule.at(scenario.time.clock_rate_hz)
         self._next_clock = self._clock.first_at_or_after(tick)
+        self._clock_tick = self._clock.tick(self._next_clock)
         period_s = scenario.time.checkpoint_s
         self._checkpoint_ticks = None if period_s is None else period_ticks(period_s)
         self.checkpoints = CheckpointAcks()
@@ -134,6 +136,7 @@ class Episode:
         self._truths = [VehicleTruth(vehicle, tick) for vehicle in scenario.vehicles]
         self._bodies = BodyTruth(scenario, static, from_tick=tick)
         self._map = map_truth(scenario, static, from_tick=tick)
+        self._expect_truth()
         self.entities = EntityRegistry(memory.entities)
         self._pending_acks = PendingAcks()
         self.number = wall_nanos
@@ -190,6 +193,7 @@ class Episode:
         self._truths = [
             known.get(v.name) or VehicleTruth(v, self.tick + 1) for v in scenario.vehicles
         ]
+        self._expect_truth()
         self._only_present()
 
     def _only_present(self) -> None:
@@ -373,7 +377,7 @@ class Episode:
         if self._history:
             # It was published by silent publishers only.
             state = decode(self._history[-1], State)
-            self._publish_clock(state)
+            self._publish_clock(state.sim_nanos, state.tick)
             self.publish.state(state)
         else:
             self._publish_all()
@@ -410,19 +414,25 @@ class Episode:
         been sent.
         """
         simulation, publish = self._simulation, self.publish
-        state = State(
-            self._run,
-            self.number,
-            self.epoch_nanos,
-            simulation.tick,
-            simulation.tick * TICK_NANOS,
-            self.world_hash,
-            simulation.vehicle_states(),
-            simulation.actor_poses(),
-        )
-        if self._clock.tick(self._next_clock) <= simulation.tick:
+        tick = simulation.tick
+        nanos = tick * TICK_NANOS
+        header = self._run, self.number, self.epoch_nanos, tick, nanos, self.world_hash
+        actors = simulation.actor_poses()
+        if tick >= self._clock_tick:
             self._next_clock += 1
-            self._publish_clock(state)
+            self._clock_tick = self._clock.tick(self._next_clock)
+            self._publish_clock(nanos, tick)
+        if tick >= self._truth_tick:
+            self._publish_truth(State(*header, simulation.vehicle_states(), actors))
+        if tick % VITALS_TICKS == 0:
+            for vitals in simulation.vitals(self.epoch_nanos + nanos):
+                publish.vitals[vitals.vehicle](vitals)
+        state = EncodedState(*header, msgspec.Raw(simulation.encoded_states()), actors)
+        self._history.append(publish.state(state))
+
+    def _publish_truth(self, state: State) -> None:
+        """Publish what is due of the ground truth."""
+        simulation, publish = self._simulation, self.publish
         for truth in self._truths:
             if (due := truth.due(state)) is not None:
                 stamp, vehicle = due
@@ -436,13 +446,16 @@ class Episode:
             publish.bodies(bodies)
         if world_map := self._map.due(state):
             publish.true_map(world_map)
-        if simulation.tick % VITALS_TICKS == 0:
-            for vitals in simulation.vitals(state.stamp_nanos):
-                publish.vitals[vitals.vehicle](vitals)
-        self._history.append(publish.state(state))
+        self._expect_truth()
 
-    def _publish_clock(self, state: State) -> None:
-        self.publish.clock(Clock(state.stamp_nanos, self.epoch_nanos, state.tick, self.number))
+    def _expect_truth(self) -> None:
+        """Find the tick of the next state that ground truth needs."""
+        sources = (*self._truths, self._bodies, self._map)
+        self._truth_tick = min(source.next_tick for source in sources)
+
+    def _publish_clock(self, sim_nanos: int, tick: int) -> None:
+        epoch_nanos = self.epoch_nanos
+        self.publish.clock(Clock(epoch_nanos + sim_nanos, epoch_nanos, tick, self.number))
 
     def history_for(self, process: str) -> list[bytes]:
         """Return the acknowledgement where a joining process resumes, and the states since then.

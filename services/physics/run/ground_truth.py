@@ -5,6 +5,7 @@ Messages have the declared rate and the stamps of their instants, as a sensor's 
 an instant between two ticks the states of both are interpolated. Covariances are zero.
 """
 
+import sys
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -41,20 +42,32 @@ class _Instant(NamedTuple):
 
 
 class _Instants:
-    """Instants at a rate, from a tick on."""
+    """Instants at a rate, from a tick on.
+
+    Attributes
+    ----------
+    next_tick
+        from which on states are needed for the next instant; the one before it, too, unless a tick
+        is at the instant.
+    """
 
     def __init__(self, rate_hz: float, from_tick: int = 0) -> None:
         self._schedule = Schedule.at(rate_hz)
-        self._next = self._schedule.first_at_or_after(from_tick)
-        self._due_tick = self._schedule.tick(self._next)  # cached: used at every tick
+        self._next = self._schedule.first_at_or_after(from_tick) - 1
+        self._advance()
+
+    def _advance(self) -> None:
+        self._next += 1
+        self._due_tick = self._schedule.tick(self._next)
+        self._nanos = self._schedule.nanos(self._next)
+        self.next_tick = self._due_tick - (self._nanos < self._due_tick * TICK_NANOS)
 
     def at(self, state: State) -> _Instant | None:
         """Return the next instant if this state is the first at or after it."""
         if state.tick < self._due_tick:
             return None
-        nanos = self._schedule.nanos(self._next)
-        self._next += 1
-        self._due_tick = self._schedule.tick(self._next)
+        nanos = self._nanos
+        self._advance()
         return _Instant(state.epoch_nanos + nanos, 1 - (state.sim_nanos - nanos) / TICK_NANOS)
 
 
@@ -92,10 +105,15 @@ class VehicleTruth:
         self._instants = _Instants(vehicle.ground_truth.rate_hz, from_tick)
         self._before: VehicleState | None = None
 
+    @property
+    def next_tick(self) -> int:
+        """The tick of the next state that it needs."""
+        return self._instants.next_tick
+
     def due(self, state: State) -> tuple[int, VehicleState] | None:
         """Return stamp and state of the vehicle at an instant that is due; else None.
 
-        To be called for every state.
+        To be called for every state from `next_tick` on.
         """
         instant, after, before = (
             self._instants.at(state),
@@ -187,8 +205,16 @@ class BodyTruth:
             still.append((*scenario.world.terrain.at_m, *IDENTITY_QUATERNION))
         self._still = np.array(still, np.float64).tobytes()
 
+    @property
+    def next_tick(self) -> int:
+        """The tick of the next state that it needs."""
+        return self._instants.next_tick
+
     def poses(self, state: State) -> Bodies | None:
-        """Return world_from_body of every body, if it is due; to be called for every state."""
+        """Return world_from_body of every body, if it is due.
+
+        To be called for every state from `next_tick` on.
+        """
         instant, before = self._instants.at(state), self._before
         after = {name: state.vehicles[name].link_poses for name in self._vehicles}
         after[_ACTORS] = state.actors
@@ -240,8 +266,13 @@ class MapTruth:
             cells=packed(found.cells),
         )
 
+    @property
+    def next_tick(self) -> int:
+        """The tick of the next state that it needs."""
+        return self._instants.next_tick
+
     def due(self, state: State) -> OccupancyGrid | None:
-        """Return the map if it is due; to be called for every state."""
+        """Return the map if it is due; to be called for every state from `next_tick` on."""
         instant = self._instants.at(state)
         if instant is None:
             return None
@@ -250,6 +281,8 @@ class MapTruth:
 
 class NoMapTruth(MapTruth):
     """No map, in a scenario that does not ask for one."""
+
+    next_tick = sys.maxsize
 
     def __init__(self) -> None:
         pass

@@ -9,11 +9,10 @@ from collections.abc import Callable, Mapping, Sequence, Set
 from contextlib import closing
 from typing import Self
 
-from msgspec import Struct
+from msgspec import Struct, msgpack
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS
-from groundlink.core.fields import Vector3
 from groundlink.messages.base import Command, VehicleState, WheelCommand
 from groundlink.messages.ground_truth import Vitals
 from groundlink.messages.navigation import JointState
@@ -27,8 +26,10 @@ from groundlink.world.solids import Material, Solid, Sphere
 from groundlink.world.terrain import Ground
 from services.physics.dynamics.backend import Backend, Pose, Twist
 from services.physics.dynamics.bullet import BulletBackend
+from services.physics.dynamics.ground import GroundTable
 from services.physics.dynamics.statics import StaticBody, add_statics
 from services.physics.dynamics.terrain import CarriedBody, NoTerrain, TerrainWindows, reach_of
+from services.physics.vehicle.fleet import Fleet
 from services.physics.vehicle.memory import VehicleMemory
 from services.physics.vehicle.vehicle import RestState, SimulatedVehicle
 
@@ -107,6 +108,7 @@ class Simulation:
             if mapped
             else NoTerrain()
         )
+        self._ground = GroundTable(self._terrain)
         self._statics: dict[int, StaticBody] = {}
         self._vehicles: dict[str, SimulatedVehicle] = {}
         self._models: dict[str, VehicleModel] = {}
@@ -125,10 +127,11 @@ class Simulation:
         What the engine knows besides (which points touched in the last step) is not part of it. So
         a simulation that continues from it is equal only to another one that does.
         """
+        self._fleet.touch(self.tick)
         free = {n: a for n, a in self._actors.items() if isinstance(a, actors.FreeActor)}
         return SimulationMemory(
             self.tick,
-            {name: v.memory(self.tick, self._bodies) for name, v in self._vehicles.items()},
+            {name: v.memory(self._bodies) for name, v in self._vehicles.items()},
             {name: (actor.pose(), actor.twist()) for name, actor in free.items()},
         )
 
@@ -156,6 +159,7 @@ class Simulation:
         for actor in scenario.world.actors:
             self._put_actor(actor, self._materials)
         self._known = NOTHING_KNOWN
+        self._assemble()
 
     def become(self, scenario: Scenario, solids: Sequence[Solid]) -> None:
         """Remove what a scenario lacks and add what is new in it; all else continues.
@@ -180,6 +184,8 @@ class Simulation:
             lowest_m=self._terrain.lowest_m,
         )
         self._statics |= statics
+        for body, static in statics.items():
+            self._ground.add(body, static.friction, static.roughness)
         self._bodies |= {body: static.solids for body, static in statics.items()}
         for described in scenario.vehicles:
             if described.name not in self._vehicles:
@@ -189,6 +195,11 @@ class Simulation:
                 self._put_actor(actor, materials)
         # States have actors in the scenario's order.
         self._actors = {a.name: self._actors[a.name] for a in scenario.world.actors}
+        self._assemble()
+
+    def _assemble(self) -> None:
+        """Step the present vehicles from now on."""
+        self._fleet = Fleet(self._backend, self._vehicles, self._ground)
 
     def _remove_others(
         self, vehicles: Set[str], actors: Set[str], solids: Mapping[str, Solid]
@@ -202,6 +213,7 @@ class Simulation:
             # A body stands for several solids: those that stay get a new one.
             if any(solids.get(solid.name) != solid for solid in static.solids):
                 self._backend.remove(body)
+                self._ground.remove(body)
                 del self._statics[body]
 
     def _remove(self, carried: CarriedBody) -> None:
@@ -212,10 +224,8 @@ class Simulation:
         vehicle = SimulatedVehicle(
             self._backend,
             described,
-            self._friction,
             ground=self._terrain.ground,
             rough=self._rough,
-            roughness_at=self._roughness_at,
             epoch_nanos=self._epoch_nanos,
         )
         if (known := self._known.vehicles.get(described.name)) is not None:
@@ -244,20 +254,13 @@ class Simulation:
         if (window := self._terrain.carry(carried, name, reach_m)) is not None:
             self._bodies[window] = (_whole(terrain.BODY),)
 
-    def _friction(self, body: int, point: Vector3) -> float:
-        fixed = self._statics.get(body)
-        return self._terrain.friction_at(point[0], point[1]) if fixed is None else fixed.friction
-
-    def _roughness_at(self, body: int, point: Vector3) -> float:
-        fixed = self._statics.get(body)
-        return self._terrain.roughness_at(*point[:2]) if fixed is None else fixed.roughness
-
     def reset_state(self, scenario: Scenario) -> None:
         """Put all vehicles and free actors of the present scenario back where they begin."""
         self.is_as_built = False
         for described in scenario.vehicles:
             self._remove(self._vehicles.pop(described.name))
             self._put_vehicle(described)
+        self._assemble()
         for actor in scenario.world.actors:
             if isinstance(put := self._actors[actor.name], actors.FreeActor):
                 self._remove(put)
@@ -284,8 +287,7 @@ class Simulation:
         """Return the bodies of vehicles and actors where they are now, in the world frame."""
         found = []
         for name, vehicle in self._vehicles.items():
-            *position, x, y, z, w = vehicle.state().poses()[0].tolist()
-            found += vehicle_bodies(name, self._models[name], tuple(position), (x, y, z, w))
+            found += vehicle_bodies(name, self._models[name], *vehicle.pose())
         for name, actor in self._actors.items():
             found += actor_bodies(self._described[name], *actor.pose())
         return found
@@ -328,19 +330,21 @@ class Simulation:
 
     def step(self) -> None:
         """Advance by one tick."""
-        for vehicle in self._vehicles.values():
-            vehicle.act(self.sim_nanos)
+        self._fleet.act(self.tick)
         for actor in self._actors.values():
             actor.act(self.tick)
         self._terrain.follow()
         self._backend.step()
         self.tick += 1
-        for vehicle in self._vehicles.values():
-            vehicle.sense()
+        self._fleet.sense()
+
+    def encoded_states(self) -> bytes:
+        """Return the truth about every vehicle at the present tick, as messages have it."""
+        return self._fleet.states()
 
     def vehicle_states(self) -> dict[str, VehicleState]:
         """Return the truth about every vehicle at the present tick, by name."""
-        return {name: vehicle.state() for name, vehicle in self._vehicles.items()}
+        return msgpack.decode(self.encoded_states(), type=dict[str, VehicleState])
 
     def actor_poses(self) -> memoryview:
         """Return world_from_actor of every actor, as `State.actors` has it."""
@@ -362,9 +366,9 @@ class Simulation:
                 stamp_nanos,
                 name,
                 self.tick,
-                vehicle.energy_and_contacts.motor_work_j,
-                vehicle.energy_and_contacts.braked_j,
-                vehicle.energy_and_contacts.contacts(self._bodies),
+                vehicle.running_gear.work.driven_j,
+                vehicle.running_gear.work.braked_j,
+                vehicle.contacts.report(self._bodies),
                 vehicle.running_gear.battery(),
             )
             for name, vehicle in self._vehicles.items()
@@ -410,24 +414,21 @@ def settled(
         return None
     with closing(new_backend()) as backend:
         terrain = TerrainWindows(backend, ground, materials)
-        it = SimulatedVehicle(
-            backend,
-            replace(vehicle, effects=()),
-            lambda _, point: terrain.friction_at(*point[:2]),
-            ground=ground,
-        )
+        it = SimulatedVehicle(backend, replace(vehicle, effects=()), ground=ground)
+        fleet = Fleet(backend, {vehicle.name: it}, GroundTable(terrain))
         terrain.carry(it, vehicle.model.name, reach_of(vehicle.model))
         still, fastest, rises = 0, 0.0, False
         for tick in range(MAX_TICKS):
-            it.act(tick * TICK_NANOS)
+            fleet.act(tick)
             terrain.follow()
             backend.step()
-            it.sense()
+            fleet.sense()
             before, fastest = fastest, it.fastest
             if rises and fastest < before:
                 it.stop()
             rises = fastest > before
             still = still + 1 if fastest < STILL else 0
             if still == STILL_TICKS:
+                fleet.touch(tick)
                 return it.at_rest()
     return None

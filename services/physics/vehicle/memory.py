@@ -5,7 +5,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from services.physics.dynamics.backend import Pose, Twist
-from services.physics.dynamics.energy_and_contacts import NamedContact
+from services.physics.dynamics.chassis_contacts import NamedContact
 
 from .controller import ControllerMemory
 from .running_gear import GroundContact

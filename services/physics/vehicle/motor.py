@@ -3,83 +3,70 @@
 
 The torque of a direct-current motor with stall torque T and no-load speed w0 at full voltage falls
 in a line with its speed; less voltage moves the line down in parallel. Heat in its windings follows
-from the same two figures: holding a torque t costs t^2 w0 / T.
+from the same two figures: holding a torque t costs t^2 w0 / T. `motor.c` computes them.
 """
 
-from math import sqrt
+from ctypes import Structure, byref, c_double
 
-from groundlink.core.clock import TICK_SECONDS
 from groundlink.scenario.running_gear import Battery, DriveSpec
+from services.physics.dynamics.kernels import kernels
 
 
-class Motors:
+class Motors(Structure):
     """The motors of a vehicle, all of one kind."""
 
+    _fields_ = (("_most_nm", c_double), ("_stall_nm", c_double), ("_no_load_radps", c_double))
+
     def __init__(self, drive: DriveSpec) -> None:
-        self._most_nm = drive.max_wheel_torque_nm
-        self._motor = drive.motor
+        super().__init__(drive.max_wheel_torque_nm)
+        if (motor := drive.motor) is not None:
+            self._stall_nm = motor.stall_torque_nm
+            self._no_load_radps = motor.no_load_speed_radps
 
     def limits_nm(self, speed_radps: float, voltage_share: float) -> tuple[float, float]:
         """Return the least and the most torque at a speed, with a share of the full voltage."""
-        most, motor = self._most_nm, self._motor
-        if motor is None:
-            return (-most, most) if voltage_share > 0.0 else (0.0, 0.0)
-        stall, slowing = motor.stall_torque_nm, speed_radps / motor.no_load_speed_radps
-        return (
-            -max(0.0, min(most, stall * (voltage_share + slowing))),
-            max(0.0, min(most, stall * (voltage_share - slowing))),
-        )
+        limits = (c_double * 2)()
+        kernels().motors_limits(byref(self), speed_radps, voltage_share, limits)
+        return limits[0], limits[1]
 
     def power_w(self, torque_nm: float, speed_radps: float) -> float:
         """Return the power that a motor draws, work and heat; braking returns nothing."""
-        power = torque_nm * speed_radps
-        if (motor := self._motor) is not None:
-            power += torque_nm * torque_nm * motor.no_load_speed_radps / motor.stall_torque_nm
-        return max(0.0, power)
+        power: float = kernels().motors_power(byref(self), torque_nm, speed_radps)
+        return power
 
 
-class BatteryCharge:
+class BatteryCharge(Structure):
     """Charge of a vehicle's battery."""
 
     MEMORY = ("share", "current_a", "voltage_v")
 
+    _fields_ = (
+        ("_capacity_ah", c_double),
+        ("_full_v", c_double),
+        ("_empty_v", c_double),
+        ("_resistance_ohm", c_double),
+        ("_idle_power_w", c_double),
+        ("share", c_double),
+        ("current_a", c_double),
+        ("voltage_v", c_double),
+    )
+    share: float
+    """Share of the capacity."""
+
+    current_a: float
+    voltage_v: float
+
     def __init__(self, battery: Battery) -> None:
-        self._battery = battery
-        self.share = battery.charge
-        """Share of the capacity."""
-
-        self.current_a = 0.0
-        self.voltage_v = self._open_v
-
-    @property
-    def _open_v(self) -> float:
-        full, empty = self._battery.full_v, self._battery.empty_v
-        return empty + self.share * (full - empty)
+        full, empty = battery.full_v, battery.empty_v
+        super().__init__(
+            *(battery.capacity_ah, full, empty, battery.resistance_ohm, battery.idle_power_w),
+            *(battery.charge, 0.0, empty + battery.charge * (full - empty)),
+        )
 
     def draw(self, power_w: float) -> float:
         """Draw power for a tick; return the voltage as a share of the full one.
 
         The current I solves (V - I R) I = P. Where the battery cannot give P, it gives its maximum.
         """
-        battery = self._battery
-        if self.share <= 0.0:
-            self.current_a = self.voltage_v = 0.0
-            return 0.0
-        power, volts, ohms = power_w + battery.idle_power_w, self._open_v, battery.resistance_ohm
-        if ohms > 0.0:
-            root = sqrt(max(0.0, volts * volts - 4 * ohms * power))
-            self.current_a = (volts - root) / (2 * ohms)
-        else:
-            self.current_a = power / volts
-        used = self.current_a * TICK_SECONDS / 3600 / battery.capacity_ah
-        self.share = max(0.0, self.share - used)
-        self.voltage_v = volts - self.current_a * ohms
-        return self.voltage_v / battery.full_v
-
-
-class UnlimitedSupply:
-    """Supplies a vehicle without a battery: never empty."""
-
-    def draw(self, power_w: float) -> float:
-        """Return the full voltage."""
-        return 1.0
+        share: float = kernels().battery_draw(byref(self), power_w)
+        return share

@@ -5,33 +5,19 @@ What is finer than the ground's geometry lifts wheels against the body without m
 springs and dampers feel the lift. The mass of a wheel does not follow it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import cos, exp, tau
 
 from groundlink.core.clock import TICK_SECONDS
-from groundlink.core.fields import Vector3
 from groundlink.scenario.vehicle import MAX_SHAKE_HZ, Engine, Tread
 from groundlink.world.roughness import RoughGround
 
-from .running_gear import RollingWheel
+from .running_gear import IN_AIR, RollingWheel
 
 FADE_S = 2.0
 """Time constant in which a step of the lift fades, where ground begins or its material changes."""
 
 FADE = exp(-TICK_SECONDS / FADE_S)
-
-IN_AIR = -1.0
-
-Spring = tuple[float, float]
-"""Position (m) and velocity (m/s) along the base's z."""
-
-RoughnessAt = Callable[[int, Vector3], float]
-"""Roughness of the ground in units of class A, by its body and a point in the world."""
-
-
-def no_roughness(body: int, point: Vector3) -> float:
-    """Return zero."""
-    return 0.0
 
 
 class WheelLift:
@@ -66,58 +52,34 @@ class WheelLift:
 
 
 class Ride:
-    """Lifts of all wheels of a vehicle.
-
-    Parameters
-    ----------
-    roughness_at
-        tells rough ground from smooth ground.
-    """
+    """Lifts of all wheels of a vehicle."""
 
     def __init__(
-        self,
-        wheels: Sequence[RollingWheel],
-        ground: RoughGround | None,
-        roughness_at: RoughnessAt,
-        tread: Tread | None,
+        self, wheels: Sequence[RollingWheel], ground: RoughGround | None, tread: Tread | None
     ) -> None:
         self._wheels = wheels
         self._ground = ground
-        self._roughness_at = roughness_at
         self._tread = tread
         self.lifts = [WheelLift() for _ in wheels]
-        self.under = [IN_AIR] * len(wheels)
-        """Roughness of what each wheel touches in this tick, or `IN_AIR`."""
 
-    def touch(self, place: int, body: int, point: Vector3) -> None:
-        """Note what a wheel touches in this tick."""
-        self.under[place] = self._roughness_at(body, point)
-
-    def springs(
-        self, springs: Sequence[Sequence[float]], hubs: Sequence[tuple[float, float]]
-    ) -> list[Spring]:
-        """Return the springs as the body feels them; forget what wheels touch.
+    def follow(self, hubs: Sequence[tuple[float, float]]) -> None:
+        """Lift the wheels as the body feels them in this tick; forget what they touch.
 
         Parameters
         ----------
         hubs
             places of the wheels in the world, x and y.
         """
-        felt = []
-        for place, (wheel, lift, spring) in enumerate(
-            zip(self._wheels, self.lifts, springs, strict=True)
-        ):
-            height, under = 0.0, self.under[place]
+        for wheel, lift, hub in zip(self._wheels, self.lifts, hubs, strict=True):
+            height, under = 0.0, wheel.under
             if under > 0.0 and self._ground:
-                height = under * self._ground.height_m(*hubs[place])
+                height = under * self._ground.height_m(*hub)
             if under >= 0.0 and self._tread and wheel.shaft:
-                x, _, _, radius = wheel.x_y_z_radius
-                phase = (wheel.angle_rad * radius + x) / self._tread.pitch_m
+                phase = (wheel.angle_rad * wheel.radius_m + wheel.center_m[0]) / self._tread.pitch_m
                 height += self._tread.rise_m / 2 * cos(tau * phase)
-            speed = lift.follow(under, height)
-            felt.append((spring[0] + lift.lift_m, spring[1] + speed))
-            self.under[place] = IN_AIR
-        return felt
+            wheel.raised_mps = lift.follow(under, height)
+            wheel.raised_m = lift.lift_m
+            wheel.under = IN_AIR
 
 
 class EngineShake:

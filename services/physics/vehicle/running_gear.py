@@ -2,28 +2,31 @@
 """Running gear of a vehicle: wheels that roll on the ground, turn on shafts and are steered.
 
 Motion of the base, springs and contacts come in, forces go out; all vectors are in the base frame.
-To the backend, wheels are spheres without friction that slide on springs: turning, grip and
-steering are here.
+`running_gear.c` computes them. To the backend, wheels are spheres without friction that slide on
+springs: turning, grip and steering are here.
 """
 
 from collections.abc import Sequence
-from math import cos, radians, sin, sqrt
-from typing import NamedTuple
+from ctypes import POINTER, Structure, byref, c_double, c_int32, c_size_t, pointer
+from math import nan, radians
 
 from groundlink.core.clock import TICK_SECONDS
-from groundlink.core.fields import Vector3
 from groundlink.messages.ground_truth import BatteryState
-from groundlink.scenario.running_gear import Ackermann, Wheel
+from groundlink.scenario.running_gear import Ackermann, Suspension, Wheel
 from groundlink.scenario.vehicle import VehicleModel
+from services.physics.dynamics.bodies import pointers
+from services.physics.dynamics.kernels import kernels
 from services.physics.dynamics.memory import PartWithMemory
 
 from .controller import WheelTargets
-from .motor import BatteryCharge, Motors, UnlimitedSupply
+from .motor import BatteryCharge, Motors
 from .shaft import TurningShaft
-from .tire import CreepingTire, Tire
+from .tire import Tire
+
+_VECTOR = c_double * 3
 
 
-class SteeringJoint:
+class SteeringJoint(Structure):
     """The joint of one steered wheel, straight ahead at first.
 
     It turns within the speed, torque and range of its drive. The tire's footprint resists, a strip
@@ -33,24 +36,29 @@ class SteeringJoint:
 
     MEMORY = ("angle_rad", "speed_radps")
 
-    __slots__ = (
-        "_inertia",
-        "_lever_m",
-        "_most_nm",
-        "_most_radps",
-        "_range",
-        "angle_rad",
-        "speed_radps",
+    _fields_ = (
+        ("_range", c_double),
+        ("_most_radps", c_double),
+        ("_most_nm", c_double),
+        ("_inertia", c_double),
+        ("_lever_m", c_double),
+        ("asked_rad", c_double),
+        ("angle_rad", c_double),
+        ("speed_radps", c_double),
     )
+    asked_rad: float
+    angle_rad: float
+    speed_radps: float
 
     def __init__(self, wheel: Wheel, drive: Ackermann) -> None:
-        self._range = radians(drive.max_steering_deg)
-        self._most_radps = radians(drive.steering_speed_degps)
-        self._most_nm = drive.steering_torque_nm
-        self._inertia = wheel.mass_kg * (3 * wheel.radius_m**2 + wheel.width_m**2) / 12
-        # Mean distance of the strip's points from its middle.
-        self._lever_m = wheel.width_m / 4
-        self.angle_rad = self.speed_radps = 0.0
+        super().__init__(
+            radians(drive.max_steering_deg),
+            radians(drive.steering_speed_degps),
+            drive.steering_torque_nm,
+            wheel.mass_kg * (3 * wheel.radius_m**2 + wheel.width_m**2) / 12,
+            # Mean distance of the strip's points from its middle.
+            wheel.width_m / 4,
+        )
 
     def turn(self, asked_rad: float, grip_n: float, rolling_mps: float) -> None:
         """Advance by a tick.
@@ -62,22 +70,8 @@ class SteeringJoint:
         rolling_mps
             speed of rolling.
         """
-        asked_rad = max(-self._range, min(self._range, asked_rad))
-        speed = (asked_rad - self.angle_rad) / TICK_SECONDS
-        speed = max(-self._most_radps, min(self._most_radps, speed))
-        if speed == self.speed_radps == 0.0:
-            return
-        scrub = self._lever_m * max(abs(self.speed_radps), abs(speed))
-        resisting = grip_n * self._lever_m * scrub / (scrub + abs(rolling_mps))
-        lost = resisting * TICK_SECONDS / self._inertia
-        # Change of speed to reach the target against the footprint's resistance.
-        change = speed - self.speed_radps + (lost if speed > 0.0 else -lost if speed < 0.0 else 0.0)
-        most = self._most_nm * TICK_SECONDS / self._inertia
-        reached = self.speed_radps + max(-most, min(most, change))
-        reached -= max(-lost, min(lost, reached))
-        self.speed_radps = reached
-        angle = self.angle_rad + reached * TICK_SECONDS
-        self.angle_rad = max(-self._range, min(self._range, angle))
+        self.asked_rad = asked_rad
+        kernels().steering_joint_turn(byref(self), grip_n, rolling_mps)
 
 
 def steering_joints(model: VehicleModel) -> dict[str, SteeringJoint]:
@@ -89,47 +83,86 @@ def steering_joints(model: VehicleModel) -> dict[str, SteeringJoint]:
     return {name: SteeringJoint(wheels[name], drive) for name in drive.steered}
 
 
-UPRIGHT = 0.2
-"""Sine of the angle between axle and ground's normal below which a wheel lies on its side."""
-
 GroundContact = tuple[float, float, float, float]
 """Sums over a wheel's contact points: normal force times the ground's coefficient of friction, N,
 and the normal forces on the wheel, N, in the base frame."""
 
-
-class GroundReaction(NamedTuple):
-    """Force and torque of the ground on the base, through the wheels."""
-
-    force_n: Vector3
-    torque_nm: Vector3
-    """About the center of mass."""
-
-    along_springs_n: list[float]
-    """Each wheel's force along its spring, which acts on the wheel and not on the base."""
+IN_AIR = -1.0
+"""Roughness under a wheel that touches nothing."""
 
 
-class RollingWheel:
-    """One wheel of the running gear."""
+class RollingWheel(Structure):
+    """One wheel of the running gear.
 
-    __slots__ = (
-        "friction",
-        "ratio",
-        "resistance",
-        "shaft",
-        "steering_joint",
-        "tire",
-        "x_y_z_radius",
+    Parameters
+    ----------
+    preload_n
+        force of its spring at rest.
+    """
+
+    _fields_ = (
+        ("center_m", _VECTOR),
+        ("radius_m", c_double),
+        ("_friction", c_double),
+        ("_resistance", c_double),
+        ("ratio", c_double),
+        ("_preload_n", c_double),
+        ("_stiffness_npm", c_double),
+        ("_damping_nspm", c_double),
+        ("_tire", POINTER(Tire)),
+        ("_shaft", POINTER(TurningShaft)),
+        ("_steering", POINTER(SteeringJoint)),
+        ("_touches", c_int32),
+        ("_grip_n", c_double),
+        ("_normal_n", _VECTOR),
+        ("under", c_double),
+        ("raised_m", c_double),
+        ("raised_mps", c_double),
+        ("_scratch", c_double * 10),
     )
+    radius_m: float
+    ratio: float
+    """Turns of the wheel for one turn of its shaft."""
 
-    def __init__(self, wheel: Wheel, tire: Tire, steering_joint: SteeringJoint | None) -> None:
-        self.x_y_z_radius = *wheel.center_m, wheel.radius_m
-        self.friction = wheel.friction
-        self.resistance = wheel.rolling_resistance
+    under: float
+    """Roughness of what it touches, in units of class A, or `IN_AIR`."""
+
+    raised_m: float
+    """By what is finer than the ground's geometry, see `ride`; and how fast."""
+
+    raised_mps: float
+
+    def __init__(
+        self,
+        wheel: Wheel,
+        suspension: Suspension,
+        preload_n: float,
+        tire: Tire,
+        steering_joint: SteeringJoint | None,
+    ) -> None:
         self.tire = tire
-        self.steering_joint = steering_joint
         self.shaft: TurningShaft | None = None
-        self.ratio = 1.0
-        """Turns of the wheel for one turn of its shaft."""
+        super().__init__(
+            *(_VECTOR(*wheel.center_m), wheel.radius_m, wheel.friction, wheel.rolling_resistance),
+            *(1.0, preload_n, suspension.stiffness_npm, suspension.damping_nspm),
+            *(pointer(tire), None, steering_joint and pointer(steering_joint)),
+            under=IN_AIR,
+        )
+
+    def put_on(self, shaft: TurningShaft) -> None:
+        """Have it turn with a shaft."""
+        self.shaft, self._shaft = shaft, pointer(shaft)
+
+    @property
+    def contact(self) -> GroundContact | None:
+        """Its contact with the ground in the last step; None in the air."""
+        return (self._grip_n, *self._normal_n) if self._touches else None
+
+    @contact.setter
+    def contact(self, contact: GroundContact | None) -> None:
+        self._touches = contact is not None
+        self._grip_n, *normal = contact or (0.0, 0.0, 0.0, 0.0)
+        self._normal_n = _VECTOR(*normal)
 
     @property
     def angle_rad(self) -> float:
@@ -147,39 +180,75 @@ class RollingWheel:
         return self.shaft.torque_nm / (self.ratio * len(self.shaft.tires)) if self.shaft else 0.0
 
 
-def _tire(model: VehicleModel, wheel: Wheel, borne_kg: float) -> Tire:
-    ratio = wheel.axle_friction_ratio
-    if model.tire_slip:
-        return CreepingTire(model.tire_slip, borne_kg=borne_kg, axle_ratio=ratio)
-    return Tire(borne_kg=borne_kg, axle_ratio=ratio)
+class MotorWork(Structure):
+    """Work of the motors of a vehicle since its start."""
+
+    MEMORY = ("_braking_w", "_driving_w")
+
+    _fields_ = (("_driving_w", c_double), ("_braking_w", c_double))
+    _driving_w: float
+    """Sum of the power over all ticks; so is `_braking_w`."""
+
+    _braking_w: float
+
+    @property
+    def driven_j(self) -> float:
+        """Work of driving motors, J."""
+        return self._driving_w * TICK_SECONDS
+
+    @property
+    def braked_j(self) -> float:
+        """Work taken up by braking motors, J."""
+        return self._braking_w * TICK_SECONDS
 
 
-class RunningGear:
+class RunningGear(Structure):
     """The wheels of one vehicle, at rest.
 
     Parameters
     ----------
+    preloads_n
+        force of each wheel's spring at rest.
     borne_kg
         the mass that rests on each wheel on level ground.
     """
 
     MEMORY = ("_voltage_share", "driving_w", "braking_w")
 
-    def __init__(self, model: VehicleModel, borne_kg: Sequence[float]) -> None:
-        self._com = model.chassis.center_m
-        self._motors = Motors(model.drive)
+    _fields_ = (
+        ("_wheels", POINTER(POINTER(RollingWheel))),
+        ("_shafts", POINTER(POINTER(TurningShaft))),
+        ("_wheel_count", c_size_t),
+        ("_driven_count", c_size_t),
+        ("_shaft_count", c_size_t),
+        ("_motors", Motors),
+        ("_battery", POINTER(BatteryCharge)),
+        ("_voltage_share", c_double),
+        ("driving_w", c_double),
+        ("braking_w", c_double),
+        ("work", MotorWork),
+    )
+    driving_w: float
+    """Mechanical power of the motors in the last tick, driving; `braking_w`: braking."""
+
+    braking_w: float
+    work: MotorWork
+
+    def __init__(
+        self, model: VehicleModel, preloads_n: Sequence[float], borne_kg: Sequence[float]
+    ) -> None:
         self._charge = BatteryCharge(model.battery) if model.battery else None
-        self._source = self._charge or UnlimitedSupply()
-        self._voltage_share = 1.0
         joints = steering_joints(model)
         self._steering_joints = tuple(joints.values())
         self.wheels = [
             RollingWheel(
                 wheel,
-                _tire(model, wheel, mass),
+                wheel.suspension or model.suspension,
+                preload,
+                Tire(borne_kg=mass, axle_ratio=wheel.axle_friction_ratio, slip=model.tire_slip),
                 joints.get(wheel.name),
             )
-            for wheel, mass in zip(model.wheels, borne_kg, strict=True)
+            for wheel, preload, mass in zip(model.wheels, preloads_n, borne_kg, strict=True)
         ]
         self._driven: list[TurningShaft] = []
         self._free: list[TurningShaft] = []
@@ -197,11 +266,25 @@ class RunningGear:
                 ),
             )
             for _, rolling in parts:
-                rolling.shaft = turning
+                rolling.put_on(turning)
             (self._driven if shaft.driven else self._free).append(turning)
-        self._no_torques = (None,) * len(self._driven)
-        self.driving_w = self.braking_w = 0.0
-        """Mechanical power of the motors in the last tick, driving and braking."""
+        shafts = [*self._driven, *self._free]
+        self._kept = pointers(self.wheels), pointers(shafts)
+        super().__init__(
+            *self._kept,
+            *(len(self.wheels), len(self._driven), len(shafts)),
+            *(Motors(model.drive), self._charge and pointer(self._charge), 1.0),
+        )
+
+    def ask(self, targets: WheelTargets) -> None:
+        """Set the targets of shafts and steering joints."""
+        for shaft, speed in zip(self._driven, targets.speeds_radps, strict=True):
+            shaft.asked_radps = speed
+        torques = targets.torques_nm or (None,) * len(self._driven)
+        for shaft, torque in zip(self._driven, torques, strict=True):
+            shaft.asked_nm = nan if torque is None else torque
+        for joint, angle in zip(self._steering_joints, targets.angles_rad, strict=True):
+            joint.asked_rad = angle
 
     def parts(self) -> list[PartWithMemory]:
         """Return the gear and all of its parts that have inner state."""
@@ -221,12 +304,12 @@ class RunningGear:
         forward_mps, turn_radps
             velocities of the base's origin, along x and about z of the base.
         """
-        rolling: dict[TurningShaft, list[float]] = {}
-        for wheel in self.wheels:
-            if wheel.shaft:
-                _, y, _, _ = wheel.x_y_z_radius
-                rolling.setdefault(wheel.shaft, []).append(forward_mps - turn_radps * y)
-        for shaft, speeds_mps in rolling.items():
+        for shaft in (*self._driven, *self._free):
+            speeds_mps = [
+                forward_mps - turn_radps * wheel.center_m[1]
+                for wheel in self.wheels
+                if wheel.shaft is shaft
+            ]
             shaft.roll(sum(speeds_mps) / len(speeds_mps))
 
     def steering_speeds(self) -> tuple[float, ...]:
@@ -238,114 +321,3 @@ class RunningGear:
         if (charge := self._charge) is None:
             return None
         return BatteryState(charge.share, charge.voltage_v, charge.current_a)
-
-    def go(
-        self,
-        asked: WheelTargets,
-        *,
-        velocity: Vector3,
-        turn: Vector3,
-        springs: Sequence[Sequence[float]],
-        contacts: Sequence[GroundContact | None],
-    ) -> GroundReaction:
-        """Turn shafts and steering joints for a tick; return the ground's reaction.
-
-        Parameters
-        ----------
-        velocity, turn
-            velocities of the base's origin, m/s and rad/s.
-        springs
-            position (m) and velocity (m/s) of each wheel along the base's z.
-        contacts
-            of each wheel with the ground; None in the air.
-        """
-        vx, vy, vz = velocity
-        ox, oy, oz = turn
-        steer = dict(zip(self._steering_joints, asked.angles_rad, strict=True))
-        meeting: list[tuple[float, ...] | None] = []
-        for wheel, spring, contact in zip(self.wheels, springs, contacts, strict=True):
-            steering_joint = wheel.steering_joint
-            if contact is None:
-                wheel.tire.lift()
-                if steering_joint:
-                    steering_joint.turn(steer[steering_joint], 0.0, 0.0)
-                meeting.append(None)
-                continue
-            grip, nx, ny, nz = contact
-            load = sqrt(nx * nx + ny * ny + nz * nz) or 1.0  # forces on a wedged wheel cancel
-            nx, ny, nz = nx / load, ny / load, nz / load
-            grip *= wheel.friction
-            ax, ay = 0.0, 1.0
-            if steering_joint:
-                steering_joint.turn(steer[steering_joint], grip, vx)
-                ax, ay = -sin(steering_joint.angle_rad), cos(steering_joint.angle_rad)
-            # Forward and left along the ground; the axle is (ax, ay, 0).
-            fx, fy, fz = ay * nz, -ax * nz, ax * ny - ay * nx
-            size = sqrt(fx * fx + fy * fy + fz * fz)
-            if size < UPRIGHT:
-                grip, size = 0.0, 1.0
-            fx, fy, fz = fx / size, fy / size, fz / size
-            lx, ly, lz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
-            x, y, z, radius = wheel.x_y_z_radius
-            x, y, z = x - radius * nx, y - radius * ny, z + spring[0] - radius * nz
-            px, py = vx + oy * z - oz * y, vy + oz * x - ox * z
-            pz = vz + ox * y - oy * x + spring[1]
-            wheel.tire.meet(
-                fx * px + fy * py + fz * pz,
-                lx * px + ly * py + lz * pz,
-                grip,
-                wheel.resistance * load,
-                load,
-            )
-            meeting.append((fx, fy, fz, lx, ly, lz, x, y, z))
-        spin = self._turn_shafts(asked.speeds_radps, asked.torques_nm or self._no_torques)
-        cx, cy, cz = self._com
-        sx = sy = sz = tx = tz = 0.0
-        ty = -spin
-        along_springs = []
-        for wheel, met in zip(self.wheels, meeting, strict=True):
-            if met is None:
-                along_springs.append(0.0)
-                continue
-            fx, fy, fz, lx, ly, lz, x, y, z = met
-            along, aside = wheel.tire.settle(wheel.shaft.tread_mps if wheel.shaft else 0.0)
-            fx, fy, fz = along * fx + aside * lx, along * fy + aside * ly, along * fz + aside * lz
-            sx, sy, sz = sx + fx, sy + fy, sz + fz
-            x, y, z = x - cx, y - cy, z - cz
-            tx += y * fz - z * fy
-            ty += z * fx - x * fz
-            tz += x * fy - y * fx
-            along_springs.append(fz)
-        return GroundReaction((sx, sy, sz), (tx, ty, tz), along_springs)
-
-    def _turn_shafts(self, speeds: Sequence[float], torques: Sequence[float | None]) -> float:
-        """Turn all shafts for a tick; return the rate of their angular momentum about y, N m.
-
-        Its reaction turns the base the other way.
-        """
-        share, motors = self._voltage_share, self._motors
-        drawn = self.driving_w = self.braking_w = 0.0
-        rate = 0.0
-        for shaft, asked, torque in zip(self._driven, speeds, torques, strict=True):
-            before = shaft.speed_radps
-            least, most = motors.limits_nm(before, share)
-            if torque is not None:
-                # Toward the target speed at most the commanded torque; a brake at that speed.
-                least, most = (
-                    (max(least, torque), most) if asked < 0 else (least, min(most, torque))
-                )
-            shaft.turn(asked, least, most)
-            rate += shaft.inertia_kgm2 * (shaft.speed_radps - before)
-            speed = (before + shaft.speed_radps) / 2
-            drawn += motors.power_w(shaft.torque_nm, speed)
-            power = shaft.torque_nm * speed
-            if power > 0.0:
-                self.driving_w += power
-            else:
-                self.braking_w -= power
-        for shaft in self._free:
-            before = shaft.speed_radps
-            shaft.turn(0.0, 0.0, 0.0)
-            rate += shaft.inertia_kgm2 * (shaft.speed_radps - before)
-        self._voltage_share = self._source.draw(drawn)
-        return rate / TICK_SECONDS

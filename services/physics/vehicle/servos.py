@@ -114,14 +114,14 @@ class Servos:
         self.positions, self.speeds = list(memory.positions), list(memory.speeds)
         self._place()
 
-    def step(self, sim_nanos: int) -> None:
-        """Advance by a tick from `sim_nanos`."""
+    def step(self, sim_nanos: int) -> bool:
+        """Advance by a tick from `sim_nanos`; return whether a joint may have moved."""
         while self._waiting and self._waiting[0][0] <= sim_nanos:
             self._moves = True
             for place, asked in self._waiting.pop(0)[1].items():
                 self._targets[place] = asked
         if not self._moves:
-            return
+            return False
         self._moves = False
         for i, (target, speed) in enumerate(self._targets):
             most = speed * TICK_SECONDS
@@ -130,6 +130,7 @@ class Servos:
             self.speeds[i] = step / TICK_SECONDS
             self._moves = self._moves or step != 0.0
         self._place()
+        return True
 
     def _place(self) -> None:
         """Update poses and state."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A backend without contacts: bodies with mass follow gravity and forces, joints stay where set."""
+"""A backend without contacts: bodies follow gravity and forces; joints stay where they are set."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ from services.physics.dynamics.backend import (
     BASE,
     GRAVITY_MPS2,
     TERRAIN,
-    ContactPoint,
     Heights,
     Pose,
     Surface,
 )
+from services.physics.dynamics.bodies import ArticulatedBody, BodyList, Contact, Contacts
 
 _ZERO = (0.0, 0.0, 0.0)
 
@@ -43,12 +43,12 @@ class FreeBodies:
     Attributes
     ----------
     touching
-        contact points that `contacts` returns, by body.
+        contact points that `contacts` returns.
     """
 
     def __init__(self) -> None:
         self.bodies: dict[int, Body] = {}
-        self.touching: dict[int, list[ContactPoint]] = {}
+        self.touching: list[Contact] = []
         self._joints: dict[int, dict[int, tuple[float, float]]] = {}
         self._count = 0
 
@@ -83,14 +83,14 @@ class FreeBodies:
         self.set_pose(body, (position_m, IDENTITY_QUATERNION))
 
     def add_articulated(
-        self, urdf: str, files: Mapping[str, str], pose: Pose
-    ) -> tuple[int, dict[str, int]]:
+        self, urdf: str, files: Mapping[str, str], joints: Sequence[str], pose: Pose
+    ) -> ArticulatedBody:
         robot = ElementTree.fromstring(urdf)
         mass_kg = sum(float(mass.attrib["value"]) for mass in robot.iter("mass"))
         body = self._add(Body(pose, mass_kg, {}))
         names = [joint.attrib["name"] for joint in robot.iter("joint")]
         self._joints[body] = dict.fromkeys(range(len(names)), (0.0, 0.0))
-        return body, {name: joint for joint, name in enumerate(names)}
+        return ArticulatedBody(body, [(names.index(name), 0, 0) for name in joints])
 
     def remove(self, body: int) -> None:
         del self.bodies[body]
@@ -115,22 +115,27 @@ class FreeBodies:
         self.bodies[body].linear_mps = linear_mps
         self.bodies[body].angular_radps = angular_radps
 
-    def push(self, body: int, force_n: Vector3, torque_nm: Vector3) -> None:
-        self.bodies[body].force_n = force_n
-
-    def joint_states(self, body: int, joints: Sequence[int]) -> Sequence[Sequence[float]]:
-        return [self._joints[body][joint] for joint in joints]
-
     def set_joint_states(
-        self, body: int, joints: Sequence[int], states: Sequence[tuple[float, float]]
+        self, body: ArticulatedBody, states: Sequence[tuple[float, float]]
     ) -> None:
-        self._joints[body] |= dict(zip(joints, states, strict=True))
+        links = [joint.link for joint in body.joints]
+        self._joints[body.number] |= dict(zip(links, states, strict=True))
 
-    def set_joint_forces(self, body: int, joints: Sequence[int], forces_n: Sequence[float]) -> None:
-        """Do nothing: joints stay where they were set."""
+    def sense(self, bodies: BodyList) -> None:
+        for it in bodies.bodies:
+            body, joints = self.bodies[it.number], self._joints[it.number]
+            it.center_m[:], it.orientation[:] = body.pose
+            it.velocity_mps[:], it.turn_radps[:] = body.linear_mps, body.angular_radps
+            for joint in it.joints:
+                joint.position_m, joint.velocity_mps = joints[joint.link]
 
-    def contacts(self, body: int) -> list[ContactPoint]:
-        return self.touching.get(body, [])
+    def push(self, bodies: BodyList) -> None:
+        for it in bodies.bodies:
+            x, y, z = it.force_n
+            self.bodies[it.number].force_n = x, y, z
+
+    def contacts(self) -> Contacts:
+        return Contacts((Contact * len(self.touching))(*self.touching), len(self.touching))
 
     def ray(self, start_m: Vector3, end_m: Vector3) -> tuple[int, Vector3] | None:
         return None

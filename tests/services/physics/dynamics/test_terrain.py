@@ -206,10 +206,12 @@ def test_where_windows_overlap_each_vehicle_meets_its_own() -> None:
             simulation.step()
         windows = [window.body for window, _ in simulation._terrain._windows]  # type: ignore[union-attr]
         assert len(set(windows)) == 3
+        found = simulation._backend.contacts()
+        points = found.points[: found.count]
         for own, vehicle in zip(windows, simulation._vehicles.values(), strict=True):
-            contacts = simulation._backend.contacts(vehicle.body)
-            assert {other for other, *_ in contacts} == {own}
-            force = sum(force * normal[2] for _, _, _, normal, force in contacts)
+            contacts = [point for point in points if point.body == vehicle.body]
+            assert {point.other for point in contacts} == {own}
+            force = sum(point.force_n * point.normal[2] for point in contacts)
             mass = model.chassis.mass_kg + sum(wheel.mass_kg for wheel in model.wheels)
             assert force == pytest.approx(9.80665 * mass, rel=0.01)
 

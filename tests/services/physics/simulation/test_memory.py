@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A simulation's memory has all of its inner state."""
 
+import ctypes
 from collections.abc import Iterator
 
 import msgspec
@@ -22,9 +23,14 @@ from services.physics.simulation.simulation import Simulation, SimulationMemory
 DERIVED = frozenset(
     (
         # Read from the engine after every step.
-        *("_origin", "_velocity", "_turn", "_quaternion", "_rows", "_sprung"),
+        *("_origin", "_velocity", "_rows"),
+        # Addresses.
+        *("_link_poses", "_base_velocity", "_joint_positions", "_joint_velocities"),
         # Consumed by the memory; they are in it under other names.
-        *("_first_contacts", "_touches", "_named", "under"),
+        *("_keeps_contacts", "_touches", "_grip_n", "_normal_n", "_named", "under"),
+        # Set in each tick before it is used.
+        *("_asked", "asked_radps", "asked_nm", "asked_rad"),
+        *("shake_n", "raised_m", "raised_mps", "_scratch"),
         # Where a window of terrain lies follows from where its body is.
         *("_x_m", "_y_m", "_friction"),
     )
@@ -50,8 +56,11 @@ def inner_state(
             yield from inner_state(each, (*path, str(key)), seen)
     elif type(thing).__module__.startswith(("services.physics.vehicle", "services.physics.sim")):
         slots = {s for base in type(thing).__mro__ for s in getattr(base, "__slots__", ())}
+        slots |= {name for name, *_ in getattr(type(thing), "_fields_", ())}
         for name in sorted({*slots, *getattr(thing, "__dict__", ())} - DERIVED):
             value = getattr(thing, name)
+            if isinstance(value, ctypes.Array):
+                value = list(value)
             if isinstance(value, int | float | tuple | list | dict) and is_plain(value):
                 yield (*path, name), value
             else:

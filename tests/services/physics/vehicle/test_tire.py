@@ -6,7 +6,7 @@ from math import atan, cos, hypot, radians, sin
 import pytest
 
 from groundlink.scenario.vehicle import TireSlip
-from services.physics.vehicle.tire import TREAD_STIFFNESS, CreepingTire, Tire
+from services.physics.vehicle.tire import TREAD_STIFFNESS, Tire
 
 STEP = 0.0025
 BORNE_KG = 14.0
@@ -86,8 +86,8 @@ def test_its_gain_is_the_slope_of_its_force(tread: float) -> None:
 SLIP = TireSlip(cornering_stiffness_nprad=1500.0, load_n=200.0)
 
 
-def creeping(axle_ratio: float = 1.0) -> CreepingTire:
-    return CreepingTire(SLIP, borne_kg=BORNE_KG, axle_ratio=axle_ratio)
+def creeping(axle_ratio: float = 1.0) -> Tire:
+    return Tire(borne_kg=BORNE_KG, axle_ratio=axle_ratio, slip=SLIP)
 
 
 @pytest.mark.parametrize("speed", [0.5, 5.0, 20.0])

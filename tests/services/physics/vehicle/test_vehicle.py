@@ -7,11 +7,13 @@ import pytest
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import floats
 from services.physics.dynamics.backend import BASE, GRAVITY_MPS2
+from services.physics.dynamics.bodies import Contact
 from services.physics.trials.track import FLOOR, NAME, put
 from tests.services.physics.free_bodies import FreeBodies
 from tests.services.physics.grounds import shipped
 
 UP = (0.0, 0.0, 1.0)
+ORIGIN = (0.0, 0.0, 0.0)
 
 
 def test_without_contacts_it_falls_and_turns_no_wheel() -> None:
@@ -29,11 +31,12 @@ def test_contacts_of_the_chassis_are_recorded_and_those_of_wheels_are_not() -> N
         assert isinstance(backend, FreeBodies)
         vehicle = simulation._vehicles[NAME]
         [floor] = simulation._statics
-        wheel = (floor, 0, (0.0, 0.0, 0.0), UP, 135.0)
-        backend.touching[vehicle.body] = [wheel]
+        of = vehicle.body
+        wheel = Contact(of, vehicle.articulated.joints[0].link, floor, ORIGIN, UP, 135.0)
+        backend.touching = [wheel]
         simulation.step()
         assert simulation.vitals(0)[0].contacts == ()
-        backend.touching[vehicle.body] = [wheel, (floor, BASE, (0.0, 0.0, 0.0), UP, 7.0)]
+        backend.touching = [wheel, Contact(of, BASE, floor, ORIGIN, UP, 7.0)]
         simulation.step()
         [contact] = simulation.vitals(0)[0].contacts
     assert (contact.name, contact.force_n) == (FLOOR.name, 7.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Energy of a vehicle's motors and contacts of its chassis, recorded tick by tick.
+"""Contacts of a vehicle's chassis, recorded tick by tick.
 
 Recording does not influence the motion. The solid that a contact point belongs to is determined
 only when contacts are reported.
@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, matrix_from_quaternion
 from groundlink.messages.ground_truth import Contact
@@ -22,32 +21,14 @@ NamedContact = tuple[int, str, float]
 """Tick, name of the solid that was touched, normal force (N)."""
 
 
-class EnergyAndContacts:
-    """Energy and contacts of one vehicle since its start."""
+class ChassisContacts:
+    """Contacts of one vehicle's chassis since they were last reported."""
 
-    MEMORY = ("_braking", "_driving")
-
-    __slots__ = ("_braking", "_driving", "_named", "_touches")
+    __slots__ = ("_named", "_touches")
 
     def __init__(self) -> None:
-        self._driving = self._braking = 0.0
         self._named: tuple[NamedContact, ...] = ()
         self._touches: list[RecordedContact] = []
-
-    def worked(self, driving_w: float, braking_w: float) -> None:
-        """Add the power of the motors in a tick, driving and braking."""
-        self._driving += driving_w
-        self._braking += braking_w
-
-    @property
-    def motor_work_j(self) -> float:
-        """Work of driving motors, J."""
-        return self._driving * TICK_SECONDS
-
-    @property
-    def braked_j(self) -> float:
-        """Work taken up by braking motors, J."""
-        return self._braking * TICK_SECONDS
 
     def touched(self, touch: RecordedContact) -> None:
         """Add a contact point of one tick."""
@@ -68,7 +49,7 @@ class EnergyAndContacts:
         """Continue with contact points of a predecessor."""
         self._named = tuple(contacts)
 
-    def contacts(self, bodies: Mapping[int, Sequence[Solid]]) -> tuple[Contact, ...]:
+    def report(self, bodies: Mapping[int, Sequence[Solid]]) -> tuple[Contact, ...]:
         """Return the contacts since the last call, in the order of the first ones.
 
         Parameters

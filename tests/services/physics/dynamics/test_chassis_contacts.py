@@ -6,7 +6,7 @@ import pytest
 from groundlink.messages.ground_truth import Vitals
 from groundlink.scenario.schema import Placement
 from groundlink.world.solids import Box, Cylinder, Solid, Sphere
-from services.physics.dynamics.energy_and_contacts import EnergyAndContacts
+from services.physics.dynamics.chassis_contacts import ChassisContacts
 from services.physics.simulation.simulation import Simulation
 from tests.services.physics.conftest import ROVER, Start, run
 
@@ -110,25 +110,16 @@ NAMED = [
 def test_a_point_belongs_to_the_solid_whose_surface_is_nearest(
     point: tuple[float, float, float], name: str
 ) -> None:
-    energy_and_contacts = EnergyAndContacts()
-    energy_and_contacts.touched((7, 3, point, 12.0))
-    [contact] = energy_and_contacts.contacts({3: NAMED})
+    contacts = ChassisContacts()
+    contacts.touched((7, 3, point, 12.0))
+    [contact] = contacts.report({3: NAMED})
     assert (contact.name, contact.force_n, contact.tick, contact.ticks) == (name, 12.0, 7, 1)
 
 
 def test_largest_force_is_reported_with_its_tick() -> None:
-    energy_and_contacts = EnergyAndContacts()
+    contacts = ChassisContacts()
     for tick, force in ((4, 1.0), (5, 3.0), (5, 2.0), (6, 2.0)):
-        energy_and_contacts.touched((tick, 1, (0.5, 0.0, 0.0), force))
-    [contact] = energy_and_contacts.contacts({1: NAMED[:1]})
+        contacts.touched((tick, 1, (0.5, 0.0, 0.0), force))
+    [contact] = contacts.report({1: NAMED[:1]})
     assert (contact.force_n, contact.tick, contact.ticks) == (3.0, 5, 3)
-    assert energy_and_contacts.contacts({1: NAMED[:1]}) == ()
-
-
-def test_power_adds_up_to_work() -> None:
-    energy_and_contacts = EnergyAndContacts()
-    for _ in range(400):
-        energy_and_contacts.worked(20.0, 5.0)
-    assert (energy_and_contacts.motor_work_j, energy_and_contacts.braked_j) == pytest.approx(
-        (20.0, 5.0)
-    )
+    assert contacts.report({1: NAMED[:1]}) == ()

@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: Apache-2.0
+/* A tick of all vehicles of a run; see `fleet.py`. The stages of a tick are called in this order. */
+
+#include <math.h>
+#include <string.h>
+
+#include "vehicle.h"
+
+/* Turn a vector in the world into the base frame. */
+static void into_base(const struct vehicle *vehicle, const double world[3], double base[3])
+{
+    const double(*r)[3] = vehicle->rows;
+    for (int k = 0; k < 3; k++)
+        base[k] = r[0][k] * world[0] + r[1][k] * world[1] + r[2][k] * world[2];
+}
+
+static int64_t within(int64_t value, int64_t last)
+{
+    value = value > 0 ? value : 0;
+    return value < last ? value : last;
+}
+
+/* Find friction and roughness of the ground at a point of a body. */
+static void find_ground(const struct ground *ground, int32_t body, const double point[3],
+                        double *friction, double *roughness)
+{
+    *friction = *roughness = 0.0;
+    if (body >= 0 && (size_t)body < ground->count && !isnan(ground->friction[body])) {
+        *friction = ground->friction[body];
+        *roughness = ground->roughness[body];
+    } else if (ground->surface) {
+        int64_t row = (int64_t)((point[1] - ground->y0) / ground->cell);
+        int64_t column = (int64_t)((point[0] - ground->x0) / ground->cell);
+        row = within(row, ground->rows - 1);
+        column = within(column, ground->columns - 1);
+        uint8_t material = ground->surface[row * ground->columns + column];
+        *friction = ground->material_friction[material];
+        *roughness = ground->material_roughness[material];
+    }
+}
+
+/* Add a contact point to those of its wheel; return 0 if it is one of the chassis. */
+static int touch_wheel(struct vehicle *vehicle, const struct contact *contact,
+                       const struct ground *ground)
+{
+    const struct running_gear *gear = vehicle->gear;
+    for (size_t i = 0; i < gear->wheel_count; i++) {
+        if (vehicle->body->joints[i].link != contact->link)
+            continue;
+        struct wheel *wheel = gear->wheels[i];
+        double friction, normal[3], world[3];
+        find_ground(ground, contact->other, contact->point, &friction, &wheel->under);
+        for (int k = 0; k < 3; k++)
+            world[k] = contact->normal[k] * contact->force;
+        into_base(vehicle, world, normal);
+        wheel->touches = 1;
+        wheel->grip += friction * contact->force;
+        for (int k = 0; k < 3; k++)
+            wheel->normal[k] += normal[k];
+        return 1;
+    }
+    return 0;
+}
+
+/* Give wheels their contacts of the last step; move those of chassis to the front and return their
+ * number. */
+size_t groundlink_vehicles_touch(struct vehicle **vehicles, size_t count,
+                                 struct contacts *contacts, const struct ground *ground)
+{
+    for (size_t i = 0; i < count; i++) {
+        const struct running_gear *gear = vehicles[i]->gear;
+        for (size_t k = 0; k < gear->wheel_count && !vehicles[i]->keeps_contacts; k++) {
+            struct wheel *wheel = gear->wheels[k];
+            wheel->touches = 0;
+            wheel->grip = wheel->normal[0] = wheel->normal[1] = wheel->normal[2] = 0.0;
+        }
+    }
+    size_t of_chassis = 0;
+    for (size_t i = 0; i < contacts->count; i++) {
+        const struct contact contact = contacts->points[i];
+        for (size_t k = 0; k < count; k++) {
+            struct vehicle *vehicle = vehicles[k];
+            if (vehicle->body->number != contact.body)
+                continue;
+            if (!vehicle->keeps_contacts && !touch_wheel(vehicle, &contact, ground))
+                contacts->points[of_chassis++] = contact;
+            break;
+        }
+    }
+    for (size_t i = 0; i < count; i++)
+        vehicles[i]->keeps_contacts = 0;
+    return of_chassis;
+}
+
+/* Add aerodynamic drag and damping to force and torque on the center of mass. */
+static void slow_down(const struct vehicle *vehicle, const double velocity[3], const double turn[3])
+{
+    const double *c = vehicle->com;
+    const double v[3] = {
+        velocity[0] + turn[1] * c[2] - turn[2] * c[1],
+        velocity[1] + turn[2] * c[0] - turn[0] * c[2],
+        velocity[2] + turn[0] * c[1] - turn[1] * c[0],
+    };
+    double push = vehicle->linear_damping +
+                  vehicle->drag * sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+    for (int k = 0; k < 3; k++) {
+        vehicle->body->force[k] -= push * v[k];
+        vehicle->body->torque[k] -= vehicle->angular_damping[k] * turn[k];
+    }
+}
+
+/* Compute the forces of motors, tires and air on the bases. */
+void groundlink_vehicles_roll(struct vehicle **vehicles, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        struct vehicle *vehicle = vehicles[i];
+        struct body *body = vehicle->body;
+        double velocity[3], turn[3];
+        into_base(vehicle, vehicle->velocity, velocity);
+        into_base(vehicle, body->turn, turn);
+        groundlink_running_gear_go(vehicle->gear, velocity, turn, body->joints, vehicle->com,
+                                   body->force, body->torque);
+        body->force[2] += vehicle->shake;
+        slow_down(vehicle, velocity, turn);
+    }
+}
+
+/* Compute the forces of springs. */
+void groundlink_vehicles_spring(struct vehicle **vehicles, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        const struct running_gear *gear = vehicles[i]->gear;
+        for (size_t k = 0; k < gear->wheel_count; k++) {
+            const struct wheel *wheel = gear->wheels[k];
+            struct joint *joint = &vehicles[i]->body->joints[k];
+            /* Along the base's z on the wheel; a spring pushes it down by the load that rests on it. */
+            joint->force = wheel->along_spring - wheel->preload -
+                           wheel->stiffness * (joint->position + wheel->raised) -
+                           wheel->damping * (joint->velocity + wheel->raised_speed);
+        }
+    }
+}
+
+/* Find the motion of the bases' origins from that of the centers of mass. */
+void groundlink_vehicles_sense(struct vehicle **vehicles, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        struct vehicle *vehicle = vehicles[i];
+        const struct body *body = vehicle->body;
+        double x = body->orientation[0], y = body->orientation[1], z = body->orientation[2];
+        double w = body->orientation[3];
+        const double rows[3][3] = {
+            {1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)},
+            {2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)},
+            {2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)},
+        };
+        memcpy(vehicle->rows, rows, sizeof rows);
+        double d[3];
+        const double *c = vehicle->com, *o = body->turn;
+        for (int k = 0; k < 3; k++) {
+            d[k] = -(rows[k][0] * c[0] + rows[k][1] * c[1] + rows[k][2] * c[2]);
+            vehicle->origin[k] = body->center[k] + d[k];
+        }
+        vehicle->velocity[0] = body->velocity[0] + o[1] * d[2] - o[2] * d[1];
+        vehicle->velocity[1] = body->velocity[1] + o[2] * d[0] - o[0] * d[2];
+        vehicle->velocity[2] = body->velocity[2] + o[0] * d[1] - o[1] * d[0];
+    }
+}
+
+/* Write the pose of a wheel's link. */
+static void write_pose(const struct vehicle *vehicle, size_t place, char *pose)
+{
+    const struct wheel *wheel = vehicle->gear->wheels[place];
+    const double *q = vehicle->body->orientation, *c = wheel->center;
+    double cz = c[2] + vehicle->body->joints[place].position;
+    double ux = q[0], uy = q[1], uz = q[2], uw = q[3];
+    if (wheel->steering) {
+        /* A steered wheel is turned about z first. */
+        double half = wheel->steering->angle / 2, s = sin(half), k = cos(half);
+        ux = q[0] * k + q[1] * s;
+        uy = q[1] * k - q[0] * s;
+        uz = q[2] * k + q[3] * s;
+        uw = q[3] * k - q[2] * s;
+    }
+    double half = (wheel->shaft ? wheel->shaft->angle * wheel->ratio : 0.0) / 2;
+    double sine = sin(half), cosine = cos(half), row[7];
+    for (int k = 0; k < 3; k++) {
+        const double *r = vehicle->rows[k];
+        row[k] = vehicle->origin[k] + r[0] * c[0] + r[1] * c[1] + r[2] * cz;
+    }
+    /* A turn about y: (0, sine, 0, cosine). */
+    row[3] = ux * cosine - uz * sine;
+    row[4] = uy * cosine + uw * sine;
+    row[5] = uz * cosine + ux * sine;
+    row[6] = uw * cosine - uy * sine;
+    memcpy(pose, row, sizeof row);
+}
+
+/* Write the pose of a link that a servo moves. */
+static void write_link(const struct vehicle *vehicle, const struct link *link, char *pose)
+{
+    const double *a = vehicle->body->orientation, *b = link->orientation, *c = link->position;
+    double row[7] = {
+        [3] = a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
+        [4] = a[3] * b[1] - a[0] * b[2] + a[1] * b[3] + a[2] * b[0],
+        [5] = a[3] * b[2] + a[0] * b[1] - a[1] * b[0] + a[2] * b[3],
+        [6] = a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2],
+    };
+    for (int k = 0; k < 3; k++) {
+        const double *r = vehicle->rows[k];
+        row[k] = vehicle->origin[k] + r[0] * c[0] + r[1] * c[1] + r[2] * c[2];
+    }
+    memcpy(pose, row, sizeof row);
+}
+
+/* Write the states after the last step where messages have them, which is aligned to nothing. */
+void groundlink_vehicles_write(struct vehicle **vehicles, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        const struct vehicle *vehicle = vehicles[i];
+        const struct body *body = vehicle->body;
+        enum { POSE = 7 * sizeof(double), HALF = 3 * sizeof(double) };
+        memcpy(vehicle->link_poses, vehicle->origin, HALF);
+        memcpy(vehicle->link_poses + HALF, body->orientation, POSE - HALF);
+        memcpy(vehicle->base_velocity, vehicle->velocity, HALF);
+        memcpy(vehicle->base_velocity + HALF, body->turn, HALF);
+        for (size_t k = 0; k < vehicle->gear->wheel_count; k++) {
+            const struct wheel *wheel = vehicle->gear->wheels[k];
+            double angle = wheel->shaft ? wheel->shaft->angle * wheel->ratio : 0.0;
+            double speed = wheel->shaft ? wheel->shaft->speed * wheel->ratio : 0.0;
+            write_pose(vehicle, k, vehicle->link_poses + (1 + k) * POSE);
+            memcpy(vehicle->joint_positions + k * sizeof angle, &angle, sizeof angle);
+            memcpy(vehicle->joint_velocities + k * sizeof speed, &speed, sizeof speed);
+        }
+        char *pose = vehicle->link_poses + (1 + vehicle->gear->wheel_count) * POSE;
+        for (size_t k = 0; k < vehicle->link_count; k++)
+            write_link(vehicle, &vehicle->links[k], pose + k * POSE);
+    }
+}
