@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled loops over rays, written in C.
+"""Compiled loops over rays and pixels, written in C.
 
 Functions take addresses of C-contiguous arrays. Each has one caller, which ensures types and shapes
 and documents the computation.
@@ -29,6 +29,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {
     ),
     "groundlink_returns": (None, *[c_void_p] * 3, c_size_t, c_size_t, *[c_void_p] * 6),
     "groundlink_crc64": (None, c_void_p, c_size_t, c_size_t),
+    "groundlink_grain": (None, c_size_t, *[c_void_p] * 4),
     "groundlink_points": (None, *[c_size_t] * 6, *[c_void_p] * 11),
 }
 
@@ -49,8 +50,8 @@ def kernels() -> ctypes.CDLL:
     found = importlib.util.find_spec(_NAME)
     if found is None or found.origin is None:
         raise KernelsMissingError(
-            f"sensors that cast rays need {_NAME}, which is missing: Groundlink was installed "
-            "without a C compiler. Fix: install gcc or clang, then install Groundlink again"
+            f"sensors with rays or pixel noise need {_NAME}, which is missing: Groundlink was "
+            "installed without a C compiler. Fix: install gcc or clang, then install Groundlink again"
         )
     library = ctypes.CDLL(found.origin)
     for name, (result, *arguments) in _SIGNATURES.items():

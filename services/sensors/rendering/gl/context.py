@@ -28,6 +28,9 @@ _ADVICE = f"install Debian's {PACKAGES}, or the GPU's own EGL driver"
 ANISOTROPY = 8.0
 """Anisotropy on a GPU. On a CPU it costs several times as much as everything else."""
 
+FEW_CORES = 2
+"""Cores up to which Mesa draws in the thread that asks for it."""
+
 _FRAGMENT = """#version 330
 layout(location = 0) out vec4 color;
 layout(location = 1) out float depth;
@@ -54,6 +57,9 @@ def open_context() -> moderngl.Context:
 
     # Without this, Mesa looks for a screen.
     os.environ.setdefault("EGL_PLATFORM", "surfaceless")
+    # Mesa starts a thread per core. Where other processes need the cores, they only add switches.
+    if len(os.sched_getaffinity(0)) <= FEW_CORES:
+        os.environ.setdefault("LP_NUM_THREADS", "0")
     try:
         context = moderngl.create_context(require=330, standalone=True, backend="egl")  # type: ignore[arg-type]
     except Exception as error:  # moderngl raises plain Exception

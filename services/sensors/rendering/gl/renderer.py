@@ -2,9 +2,9 @@
 """Renderer: pictures of the world around a sensor, through a pinhole camera.
 
 The same poses give the same bits, whatever was drawn before, for one version of a driver. So a view
-that has just been drawn is returned again while nothing moves, as in front of a vehicle that stands.
-A renderer has one context, which is current while it draws, and one picture size. For several
-points of view (two eyes, the poses during an exposure) draw several times.
+is returned again while nothing moves, as that of a vehicle at rest. A renderer has one context,
+which is current while it draws, and one picture size. For several points of view (two eyes, the
+poses during an exposure) draw several times.
 """
 
 import weakref

@@ -17,7 +17,7 @@ from groundlink.core.frames import Floats
 
 from .shaders import shader
 
-Pixels = TypeVar("Pixels", NDArray[np.uint8], NDArray[np.float32], NDArray[np.int32])
+Number = TypeVar("Number", bound=np.generic)
 
 Layer = Literal["color", "depth", "labels", "soils"]
 """`soils` gives each material of the terrain a label of its own."""
@@ -163,8 +163,8 @@ class TruthTarget:
 
 
 def _read_only(
-    frame: moderngl.Framebuffer, pixels: Pixels, *, components: int = 1, **options: Any
-) -> Pixels:
+    frame: moderngl.Framebuffer, pixels: NDArray[Number], *, components: int = 1, **options: Any
+) -> NDArray[Number]:
     """Return `pixels`, filled from a frame and read-only from now on."""
     frame.read_into(pixels, components=components, alignment=1, **options)
     pixels.flags.writeable = False

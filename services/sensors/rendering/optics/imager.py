@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from groundlink.scenario.cameras import Imager
 from services.sensors.noise.random_streams import RandomStreams
+from services.sensors.rays.kernels import kernels
 
 from .shutter import LIGHT
 
@@ -39,6 +40,11 @@ class Electronics:
         Numbers in a picture, all colors together.
     streams : RandomStreams
 
+    Raises
+    ------
+    KernelsMissingError
+        when there is noise and Groundlink was installed without a C compiler (a `UserError`).
+
     Attributes
     ----------
     brightness : float
@@ -56,6 +62,7 @@ class Electronics:
             normals = streams.at("grain", 0).standard_normal(values + STARTS, np.float32)
             steps = np.clip(np.rint(STEPS_PER_SIGMA * normals), -127, 127)
             self._pool = (steps + 128).astype(np.uint8)
+            self._add = kernels().groundlink_grain
 
     def read(self, pixels: NDArray[np.uint8], tick: int) -> NDArray[np.uint8]:
         """Return noisy values at a tick for the noiseless `pixels`, in the same shape."""
@@ -63,7 +70,11 @@ class Electronics:
             return pixels
         start = int(self._streams.at("noise", tick).integers(STARTS))
         noise = self._pool[start : start + self._values].reshape(pixels.shape)
-        return np.asarray(self._coded[pixels.astype(np.uint16) << 8 | noise])
+        pixels = np.ascontiguousarray(pixels)
+        read = np.empty_like(pixels)
+        arrays = pixels, noise, self._coded, read
+        self._add(self._values, *(array.ctypes.data for array in arrays))
+        return read
 
 
 def coded(spec: Imager) -> NDArray[np.uint8]:

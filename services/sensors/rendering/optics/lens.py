@@ -7,6 +7,7 @@ the coefficients exactly; red and blue are scaled. Depth and labels are those of
 pixel: z stays along the optical axis. An ideal lens costs nothing.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
@@ -26,6 +27,9 @@ DIAMETERS = (0.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 """Diameters of the circles of confusion for which pictures are blurred, pixels."""
 
 NEAREST_M = 1e-3
+
+GAUSSIAN_SIGMAS = 3.0
+"""Radius at which OpenCV ends the blur of a picture with 8 bits, in sigmas."""
 
 
 class Focus:
@@ -54,16 +58,22 @@ class Focus:
     def seen(self, frame: Frame) -> NDArray[np.uint8]:
         """Return the colors of a frame, blurred by depth."""
         squared = np.minimum(self.diameters(frame.depth_m), DIAMETERS[-1]) ** 2
-        largest = float(squared.max())
-        made = frame.color
+        made = frame.color.copy()
         for low, high in pairwise(DIAMETERS):
-            if low**2 >= largest:
+            # Wide blurs are expensive, and most pictures need them in some rows only.
+            rows = np.flatnonzero((squared > low**2).any(axis=1))
+            if not len(rows):
                 break
             # The variance of a disc along a line is a sixteenth of its squared diameter. Variances
             # of mixed pictures add up in proportion.
-            more = cv2.GaussianBlur(frame.color, (0, 0), high / 4)
-            share = np.clip((squared - low**2) / (high**2 - low**2), 0, 1)
-            made = np.asarray(cv2.blendLinear(made, more, 1 - share, share), np.uint8)
+            sigma_px = high / 4
+            reach = math.ceil(GAUSSIAN_SIGMAS * sigma_px) + 1
+            first, end = int(rows[0]), int(rows[-1]) + 1
+            above = min(first, reach)
+            around = frame.color[first - above : end + reach]
+            more = cv2.GaussianBlur(around, (0, 0), sigma_px)[above:][: end - first]
+            share = np.clip((squared[first:end] - low**2) / (high**2 - low**2), 0, 1)
+            made[first:end] = cv2.blendLinear(made[first:end], more, 1 - share, share)
         return made
 
 

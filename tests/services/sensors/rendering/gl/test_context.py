@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a user reads where pictures cannot be drawn."""
 
+import os
 import subprocess
 import sys
 
@@ -17,6 +18,20 @@ def test_a_context_draws() -> None:
     opened = context.open_context()
     assert opened.version_code >= 330
     opened.release()
+
+
+@pytest.mark.parametrize(
+    ("cores", "chosen", "threads"), [(2, None, "0"), (3, None, None), (2, "1", "1")]
+)
+def test_mesa_has_threads_only_where_there_are_cores(
+    cores: int, chosen: str | None, threads: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(cores)))
+    monkeypatch.setenv("LP_NUM_THREADS", chosen or "")
+    if chosen is None:
+        monkeypatch.delenv("LP_NUM_THREADS")
+    context.open_context().release()
+    assert os.environ.get("LP_NUM_THREADS") == threads
 
 
 def line() -> str:

@@ -14,7 +14,7 @@ from groundlink.scenario import cameras
 from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.target import Frame
 from services.sensors.rendering.optics.distortion import EDGE, MODELS
-from services.sensors.rendering.optics.lens import MOST_PIXELS, LensOptics
+from services.sensors.rendering.optics.lens import MOST_PIXELS, Focus, LensOptics
 
 PINHOLE = Pinhole(320, 240, 250.0, 245.0, 165.3, 117.8)
 BARREL = (-0.25, 0.06, 0.001, -0.002, -0.003)
@@ -198,6 +198,22 @@ def test_blur_is_by_the_circle_of_confusion(depth_m: float) -> None:
     # A disc's standard deviation along a line is a quarter of its diameter.
     assert edge_width_px(depth_m, aperture_m=0.02) == pytest.approx(diameter / 4, abs=0.1, rel=0.05)
     assert edge_width_px(depth_m, aperture_m=0.0) == 0.0
+
+
+@pytest.mark.parametrize("near", [slice(0, 12), slice(100, 130), slice(225, 240)])
+def test_near_rows_are_blurred_as_in_a_picture_that_is_near_everywhere(near: slice) -> None:
+    color = np.random.default_rng(5).integers(0, 256, (240, 320, 3), np.uint8)
+    focus = Focus(spread_px_m=5.0, focus_m=2.0)
+    nothing = np.empty((0, 0), np.int32)
+    mixed = np.full(color.shape[:2], 2.0, np.float32)
+    mixed[near] = 0.3  # 14 px
+    blurred = focus.seen(Frame(color, np.full_like(mixed, 0.3), nothing))
+    seen = focus.seen(Frame(color, mixed, nothing))
+    assert np.array_equal(seen[near], blurred[near])
+    sharp = np.ones(240, bool)
+    sharp[near] = False
+    assert np.array_equal(seen[sharp], color[sharp])
+    assert not np.array_equal(seen[near], color[near])
 
 
 def test_an_ideal_lens_changes_nothing() -> None:
