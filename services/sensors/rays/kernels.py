@@ -51,7 +51,8 @@ def kernels() -> ctypes.CDLL:
     if found is None or found.origin is None:
         raise KernelsMissingError(
             f"sensors with rays or pixel noise need {_NAME}, which is missing: Groundlink was "
-            "installed without a C compiler. Fix: install gcc or clang, then install Groundlink again"
+            "installed without a C compiler. Fix: install gcc or clang, then install Groundlink "
+            "again"
         )
     library = ctypes.CDLL(found.origin)
     for name, (result, *arguments) in _SIGNATURES.items():
