@@ -261,3 +261,42 @@ VECTORIZED void groundlink_meet_bodies(const struct ray_world *around, struct ra
         }
     }
 }
+
+/* Find the box that holds each body on its whole way. A body is within its ball, and within its box
+ * as it is turned halfway, widened by how far a point of the ball is ever turned from there. */
+void groundlink_ways(const double (*poses)[7], int32_t steps, int32_t bodies, const double *radii,
+                     const struct box *boxes, struct box *ways)
+{
+    for (int32_t body = 0; body < bodies; body++) {
+        const struct box *box = &boxes[body];
+        const double *middle = poses[(ptrdiff_t)(steps / 2) * bodies + body], radius = radii[body];
+        const double back[4] = {-middle[3], -middle[4], -middle[5], middle[6]};
+        double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+        double least = 1; /* cosine of half an angle turned */
+        for (int32_t step = 0; step < steps; step++) {
+            const double *pose = poses[(ptrdiff_t)step * bodies + body];
+            double cosine = 0;
+            for (int axis = 0; axis < 3; axis++) {
+                low[axis] = pose[axis] < low[axis] ? pose[axis] : low[axis];
+                high[axis] = pose[axis] > high[axis] ? pose[axis] : high[axis];
+            }
+            for (int i = 3; i < 7; i++)
+                cosine += pose[i] * middle[i];
+            least = fabs(cosine) < least ? fabs(cosine) : least;
+        }
+        const double turned = least > 0.8 ? 2 * radius * sqrt(1 - least * least) : radius;
+        for (int axis = 0; axis < 3; axis++) {
+            double along[3] = {0, 0, 0}, center = 0, reach = turned + 1e-6 * radius;
+            along[axis] = 1;
+            turn(back, along);
+            for (int of = 0; of < 3; of++) {
+                center += along[of] * (box->low[of] + (double)box->high[of]) / 2;
+                reach += fabs(along[of]) * (box->high[of] - (double)box->low[of]) / 2;
+            }
+            const double below = fmin(reach - center, radius), above = fmin(reach + center, radius);
+            const double rounded = 1e-6 * (fabs(low[axis]) + fabs(high[axis]) + radius);
+            ways[body].low[axis] = (float)(low[axis] - below - rounded);
+            ways[body].high[axis] = (float)(high[axis] + above + rounded);
+        }
+    }
+}

@@ -13,7 +13,7 @@
 /* A scene; a structure of the same name in `builtin.py` fills it. */
 struct mesh {
     const float (*vertices)[3];
-    const uint32_t (*faces)[3];
+    const struct face *faces;
     const struct node *nodes; /* NULL if there are no triangles */
     const int32_t *order;
 };
@@ -43,7 +43,7 @@ static inline void meet(const struct mesh *mesh, int32_t triangle, struct ray *r
     int negative = 0, positive = 0;
     for (int k = 0; k < 3; k++)
         for (int axis = 0; axis < 3; axis++)
-            corner[k][axis] = mesh->vertices[mesh->faces[triangle][k]][axis] - ray->origin[axis];
+            corner[k][axis] = mesh->vertices[mesh->faces[triangle].corners[k]][axis] - ray->origin[axis];
     for (int k = 0; k < 3; k++) {
         cross(corner[(k + 1) % 3], corner[k], side);
         const double sign = dot(ray->direction, side);

@@ -60,7 +60,7 @@ class BuiltinEngine:
 
     def __init__(self, meshes: SceneMeshes) -> None:
         self._meshes = meshes
-        self._trees = [_tree(meshes.vertices[faces]) for faces in meshes.each()]
+        self._trees = [_tree(meshes.vertices[faces[:, :3]]) for faces in meshes.each()]
         self._structures = [
             _Mesh(
                 *(meshes.vertices.ctypes.data, faces.ctypes.data),

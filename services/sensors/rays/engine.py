@@ -31,37 +31,54 @@ def aligned(shape: Sequence[int], dtype: type[np.generic]) -> NDArray[Any]:
 
 @dataclass(frozen=True)
 class SceneMeshes:
-    """All triangles of a scene in joined arrays: the static world's, then each body's."""
+    """All triangles of a scene in joined arrays; bodies of the same shape share a mesh."""
 
     vertices: NDArray[np.float32]
     """Shape (V, 3), meters, each in the frame of its mesh."""
 
     faces: NDArray[np.uint32]
-    """Shape (F, 3), numbers of vertices."""
+    """Shape (F, 4): numbers of three vertices, and the label less its mesh's first one."""
 
-    labels: NDArray[np.int32]
-    """Shape (F,)."""
+    ends: tuple[int, ...]
+    """Where the faces of each mesh end, the first mesh being that of the static world."""
 
-    first_triangle: NDArray[np.int32]
-    """Shape (meshes + 1,): where the faces of each mesh begin, and the end."""
+    mesh: NDArray[np.int32]
+    """Shape (1 + bodies,): mesh of the static world, then of each body."""
+
+    first_label: NDArray[np.int32]
+    """Shape (1 + bodies,)."""
 
     @classmethod
-    def joined(cls, meshes: Sequence[Triangles]) -> "SceneMeshes":
+    def joined(cls, static: Triangles, bodies: Sequence[Triangles]) -> "SceneMeshes":
         """Join meshes."""
+        first_label = [int(mesh.labels.min(initial=2**31 - 1)) for mesh in (static, *bodies)]
+        known: dict[tuple[bytes, ...], int] = {}
+        meshes, used = [static], [0]
+        for body, first in zip(bodies, first_label[1:], strict=True):
+            labels = body.labels - np.int32(first)
+            key = body.vertices.tobytes(), body.faces.tobytes(), labels.tobytes()
+            used.append(known.setdefault(key, len(meshes)))
+            if used[-1] == len(meshes):
+                meshes.append(body)
         first_vertex = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-        first_triangle = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
+        first_face = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
         vertices = aligned((int(first_vertex[-1]), 3), np.float32)
-        faces = aligned((int(first_triangle[-1]), 3), np.uint32)
-        for mesh, vertex, face in zip(meshes, first_vertex, first_triangle, strict=False):
+        faces = aligned((int(first_face[-1]), 4), np.uint32)
+        for number, (mesh, vertex, face) in enumerate(
+            zip(meshes, first_vertex, first_face, strict=False)
+        ):
             vertices[vertex : vertex + len(mesh.vertices)] = mesh.vertices
-            faces[face : face + len(mesh.faces)] = mesh.faces + np.uint32(vertex)
-        labels = np.concatenate([mesh.labels for mesh in meshes])
-        return cls(vertices, faces, labels, first_triangle.astype(np.int32))
+            own = faces[face : face + len(mesh.faces)]
+            own[:, :3] = mesh.faces + np.uint32(vertex)
+            own[:, 3] = mesh.labels - first_label[used.index(number)]
+        return cls(
+            *(vertices, faces, tuple(first_face.tolist())),
+            *(np.array(numbers, np.int32) for numbers in (used, first_label)),
+        )
 
     def each(self) -> Iterator[NDArray[np.uint32]]:
         """Yield the faces of each mesh."""
-        ends = self.first_triangle.tolist()
-        for begin, end in pairwise(ends):
+        for begin, end in pairwise(self.ends):
             yield self.faces[begin:end]
 
 

@@ -19,6 +19,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {
     # Result, then arguments.
     "groundlink_trace": (None, c_void_p, c_size_t, c_float, *[c_void_p] * 7),
     "groundlink_tree": (None, c_void_p, c_int32, c_int32, c_void_p, c_void_p),
+    "groundlink_ways": (None, c_void_p, c_int32, c_int32, *[c_void_p] * 3),
     "groundlink_sweep": (
         *(None, c_void_p, c_void_p, c_size_t, c_double),
         *(c_size_t, c_size_t, *[c_void_p] * 4),

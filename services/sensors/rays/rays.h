@@ -56,14 +56,20 @@ struct terrain {
     int32_t first_label;
 };
 
+/* A triangle: numbers of its vertices, and its label less the first one of its scene. */
+struct face {
+    uint32_t corners[3];
+    int32_t label;
+};
+
 /* What is in the scene; a structure of the same name in `scene.py` fills it. */
 struct ray_world {
     intersect8 *intersect;
     void *const *scenes;           /* of the engine: the static world's, then each body's */
     const float (*vertices)[3];
-    const uint32_t (*faces)[3];    /* of all triangles, in the order of the scenes */
-    const int32_t *labels;         /* of the same */
-    const int32_t *first_triangle; /* of each scene, and their end */
+    const struct face *faces;
+    const int32_t *first_triangle; /* of each scene */
+    const int32_t *first_label;
     const double (*poses)[7];      /* world_from_body: steps, bodies */
     const double *radii;           /* of the balls about the bodies' origins that hold their meshes */
     const struct box *boxes;       /* of each body's mesh, in the body's frame */
@@ -117,6 +123,19 @@ static inline void mix(const double *first, const double *second, double share, 
     const double sign = cosine < 0 ? -1 : 1;
     for (int i = 0; i < 4; i++)
         q[i] = first[3 + i] + share * (sign * second[3 + i] - first[3 + i]);
+}
+
+/* v + 2 q x (q x v + w v), q of any length. */
+static inline void turn(const double q[4], double v[3])
+{
+    const double twice = 2 / (dot(q, q) + q[3] * q[3]);
+    double inner[3], outer[3];
+    cross(q, v, inner);
+    for (int axis = 0; axis < 3; axis++)
+        inner[axis] += q[3] * v[axis];
+    cross(q, inner, outer);
+    for (int axis = 0; axis < 3; axis++)
+        v[axis] += twice * outer[axis];
 }
 
 /* Let the engine find what the valid lanes (-1) of a packet meet in one of its scenes. */

@@ -54,7 +54,7 @@ class _RayWorld(ctypes.Structure):
 
     _fields_ = (
         *((name, c_void_p) for name in ("intersect", "scenes")),
-        *((name, c_void_p) for name in ("vertices", "faces", "labels", "first_triangle")),
+        *((name, c_void_p) for name in ("vertices", "faces", "first_triangle", "first_label")),
         *((name, c_void_p) for name in ("poses", "radii", "boxes", "nodes", "order", "terrain")),
         *((name, c_int) for name in ("steps", "bodies")),
     )
@@ -94,22 +94,18 @@ class Scene:
         terrain: Relief | None = None,
     ) -> None:
         self._terrain = terrain
-        self._meshes = SceneMeshes.joined([static, *bodies])
+        self._meshes = SceneMeshes.joined(static, bodies)
         self._engine = (engine or best_engine())(self._meshes)
-        self._scenes = (c_void_p * (1 + len(bodies)))(*self._engine.scenes)
+        used = self._meshes.mesh
+        self._scenes = (c_void_p * len(used))(*(self._engine.scenes[mesh] for mesh in used))
+        self._first_triangle: Numbers = np.array(self._meshes.ends, np.int32)[used]
         self._radii: Floats = np.array(
             [np.linalg.norm(mesh.vertices, axis=1).max(initial=0) for mesh in bodies], np.float64
         ) * (1 + MARGIN)
-        self._boxes: Reals = np.array(
-            [
-                [
-                    mesh.vertices.min(axis=0, initial=np.inf),
-                    mesh.vertices.max(axis=0, initial=-np.inf),
-                ]
-                for mesh in bodies
-            ],
-            np.float32,
-        )
+        self._boxes: Reals = np.zeros((len(bodies), 2, 3), np.float32)
+        for box, mesh in zip(self._boxes, bodies, strict=True):
+            if len(mesh.vertices):
+                box[:] = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
         self._hits: dict[tuple[int, ...], Hits] = {}
         self.move(np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (2, len(bodies), 1)))
 
@@ -123,10 +119,14 @@ class Scene:
             first is time 0 of a ray and the last is time 1; at least two.
         """
         self._poses = np.ascontiguousarray(world_from_body, np.float64)
-        positions, reach = self._poses[..., :3], self._radii[:, None]
-        ways = np.stack([positions.min(axis=0) - reach, positions.max(axis=0) + reach], axis=1)
-        ways += np.array([[-MARGIN], [MARGIN]]) * np.abs(ways).max(axis=1, keepdims=True)
-        self._tree = BoxTree(ways.astype(np.float32), leaf_items=1)
+        steps, bodies, _ = self._poses.shape
+        ways = np.empty((bodies, 2, 3), np.float32)
+        known = self._radii, self._boxes
+        kernels().groundlink_ways(
+            *(self._poses.ctypes.data, steps, bodies),
+            *(array.ctypes.data for array in (*known, ways)),
+        )
+        self._tree = BoxTree(ways, leaf_items=1)
 
     def cast(self, origins: Reals, directions: Reals, times: Reals, max_range: float) -> Hits:
         """Return the nearest hit of every ray.
@@ -148,7 +148,7 @@ class Scene:
             self._hits[shape] = Hits(reals[0], reals[1:], numbers[0], numbers[1])
         hits = self._hits[shape]
         meshes, tree = self._meshes, self._tree
-        known = meshes.vertices, meshes.faces, meshes.labels, meshes.first_triangle
+        known = meshes.vertices, meshes.faces, self._first_triangle, meshes.first_label
         moved = self._poses, self._radii, self._boxes, tree.nodes, tree.order
         around = _RayWorld(
             self._engine.intersect,

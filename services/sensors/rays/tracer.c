@@ -19,19 +19,6 @@
  * own range stands if the plane's is farther off than this, in meters. */
 static const double MOST_MENDED = 0.01;
 
-/* v + 2 q x (q x v + w v), q of any length. */
-static inline void turn(const double q[4], double v[3])
-{
-    const double twice = 2 / (dot(q, q) + q[3] * q[3]);
-    double inner[3], outer[3];
-    cross(q, v, inner);
-    for (int axis = 0; axis < 3; axis++)
-        inner[axis] += q[3] * v[axis];
-    cross(q, inner, outer);
-    for (int axis = 0; axis < 3; axis++)
-        v[axis] += twice * outer[axis];
-}
-
 /* What the rays of a packet met: of each the triangle's first corner and unit normal in the world,
  * and what is reported. */
 struct met {
@@ -72,9 +59,13 @@ static INLINED void meet_exactly(const struct ray_world *around, const struct ra
         const int32_t triangle = rays->triangle[lane], body = rays->body[lane];
         const int meshed = triangle >= 0 && body != TERRAIN;
         const float *corners[3] = {nowhere, nowhere, nowhere};
-        for (int i = 0; meshed && i < 3; i++)
-            corners[i] = around->vertices[around->faces[triangle][i]];
-        met->label[lane] = meshed ? around->labels[triangle] : -1;
+        met->label[lane] = -1;
+        if (meshed) {
+            const struct face *face = &around->faces[triangle];
+            for (int i = 0; i < 3; i++)
+                corners[i] = around->vertices[face->corners[i]];
+            met->label[lane] = around->first_label[body + 1] + face->label;
+        }
         met->body[lane] = body < STATIC ? STATIC : body;
         for (int axis = 0; axis < 3; axis++) {
             met->corner[axis][lane] = corners[0][axis];
@@ -191,7 +182,7 @@ static INLINED void meet_world(const struct ray_world *around, size_t count, siz
     }
     EACH_LANE
         if (rays->triangle[lane] >= 0) /* `fetch` needs it when bodies have been met */
-            __builtin_prefetch(around->faces[rays->triangle[lane]]);
+            __builtin_prefetch(&around->faces[rays->triangle[lane]]);
     if (around->terrain)
         groundlink_meet_terrain(around->terrain, rays);
 }
@@ -203,7 +194,7 @@ static INLINED void fetch(const struct ray_world *around, const struct rays *ray
         if (rays->triangle[lane] >= 0 && rays->body[lane] != TERRAIN)
             for (int corner = 0; corner < 3; corner++)
                 __builtin_prefetch(
-                    around->vertices[around->faces[rays->triangle[lane]][corner]]);
+                    around->vertices[around->faces[rays->triangle[lane]].corners[corner]]);
 }
 
 /* Trace rays. */
