@@ -28,6 +28,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {
         *(None, c_void_p, c_size_t, c_size_t, *[c_void_p] * 5),
         *(c_size_t, *[c_void_p] * 5),
     ),
+    "groundlink_normals": (None, *[c_void_p] * 3, c_size_t, c_void_p),
     "groundlink_returns": (None, *[c_void_p] * 3, c_size_t, c_size_t, *[c_void_p] * 6),
     "groundlink_crc64": (None, c_void_p, c_size_t, c_size_t),
     "groundlink_grain": (None, c_size_t, *[c_void_p] * 4),
