@@ -10,7 +10,7 @@ import msgspec
 from groundlink.bus.core_topics import BATCH_TICKS, CLOCK, STATE
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import BODIES, GROUND_TRUTH, JOINTS, TRUE_MAP, TRUE_WHEELS, VITALS
-from groundlink.messages.base import BusMessage, State, StateBatch, encode
+from groundlink.messages.base import BusMessage, EncodedState, State, StateBatch, encode
 from groundlink.scenario import Scenario
 
 Publish = Callable[[BusMessage], bytes]
@@ -20,7 +20,7 @@ Publish = Callable[[BusMessage], bytes]
 class Publishers:
     """A publisher for each message of the run, and for each message of a vehicle by name."""
 
-    state: Callable[[State], bytes]
+    state: Callable[[State | EncodedState], bytes]
     clock: Publish
     bodies: Publish
     true_map: Publish
@@ -63,12 +63,14 @@ class StatePublisher:
     first state of an episode, and at every `ack_ticks`-th.
     """
 
-    def __init__(self, state: Callable[[State], bytes], batch: Publish, ack_ticks: int) -> None:
+    def __init__(
+        self, state: Callable[[State | EncodedState], bytes], batch: Publish, ack_ticks: int
+    ) -> None:
         self._state, self._batch, self._ack_ticks = state, batch, ack_ticks
         self._encoded: list[msgspec.Raw] = []
         self._episode: int | None = None
 
-    def __call__(self, state: State) -> bytes:
+    def __call__(self, state: State | EncodedState) -> bytes:
         """Publish a state; return its bytes."""
         payload = self._state(state)
         self._encoded.append(msgspec.Raw(payload))
