@@ -134,7 +134,7 @@ def test_no_container_may_write_or_has_rights(stack: Stack) -> None:
 
 def test_every_topic_has_its_rate_in_another_container(observer: Observer, ledger: Ledger) -> None:
     watch = Watch(observer, ledger)
-    time.sleep(20)
+    time.sleep(10)
     print({topic: round(rate, 1) for topic, rate in watch.kept().items()})
     print({name: dict(ledger.missing(name)) for name in TOPICS_OF})
 

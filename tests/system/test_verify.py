@@ -109,40 +109,38 @@ def test_every_kind_of_sensor_comes_out_again(run: tuple[Path, Path]) -> None:
         assert re.search(rf"(?m)^\W*{topic} ", done.stdout), done.stdout
 
 
-def test_a_changed_byte_is_named(run: tuple[Path, Path], tmp_path: Path) -> None:
+def test_a_changed_byte_and_a_changed_scenario_are_named(
+    run: tuple[Path, Path], tmp_path: Path
+) -> None:
     changed = tmp_path / "changed.mcap"
     # In the fifth cloud, of which faults have taken nothing yet: a point's `ring`.
     copied(run[0], changed, "/points", 5, -1 - 22 * 10 + 16)
-    done = groundlink("verify", str(changed), str(run[1]))
-    assert done.returncode == 1, done.stdout + done.stderr
-    (line,) = (line for line in done.stdout.splitlines() if "first difference" in line)
-    found = re.fullmatch(
-        r"first difference: /points at 0\.4\d* s \(stamp \d+\.\d{9}\), message 5 of \d+: "
-        r"data: point (\d+), field ring: \d+ recorded, \d+ repeated; 1 of (\d+) points differ",
-        line,
-    )
-    assert found, line
-    assert int(found[1]) == int(found[2]) - 10
-
-
-def test_a_changed_scenario_is_named(run: tuple[Path, Path], tmp_path: Path) -> None:
     noisier = write_scenario(
         tmp_path, lambda text: text.replace("missed_ticks: 0.01", "missed_ticks: 0.02")
     )
-    done = groundlink("verify", str(run[0]), str(noisier))
+    done = groundlink("verify", str(changed), str(noisier))
     assert done.returncode == 1, done.stdout + done.stderr
     said = done.stdout.splitlines()
     assert said[0] == (
         "scenario differs: vehicles[0].sensors[5].missed_ticks (rover, worn): "
         "0.01 recorded, 0.02 repeated"
     )
-    differing = [line for line in said if line.startswith(("first difference: ", "and: "))]
-    assert re.match(r"first difference: /(odom|worn_encoders) at ", differing[0])
-    assert {line.split(": ")[1].split()[0] for line in differing} == {"/worn_encoders", "/odom"}
-    (encoders,) = (line for line in differing if "/worn_encoders" in line)
+    matches = [re.fullmatch(r"(first difference|and): (/\w+) (at .*)", line) for line in said]
+    found = [match for match in matches if match]
+    assert [match[1] for match in found] == ["first difference", "and", "and"]
+    differing = {match[2]: match[3] for match in found}
+    assert differing.keys() == {"/points", "/worn_encoders", "/odom"}
     assert re.search(
-        r": ticks\[\d\] \(\w+\): -?\d+ recorded, -?\d+ repeated; \d of \d numbers differ$", encoders
+        r": ticks\[\d\] \(\w+\): -?\d+ recorded, -?\d+ repeated; \d of \d numbers differ$",
+        differing["/worn_encoders"],
     )
+    byte = re.fullmatch(
+        r"at 0\.4\d* s \(stamp \d+\.\d{9}\), message 5 of \d+: "
+        r"data: point (\d+), field ring: \d+ recorded, \d+ repeated; 1 of (\d+) points differ",
+        differing["/points"],
+    )
+    assert byte, differing
+    assert int(byte[1]) == int(byte[2]) - 10
 
 
 def by_hand(text: str) -> str:

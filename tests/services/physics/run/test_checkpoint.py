@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """An episode that begins at a checkpoint publishes what the episode did that made it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import msgspec
@@ -50,22 +50,26 @@ DOOR = Actor(
 )
 
 
-def scenarios() -> dict[str, Scenario]:
-    """Return a rover that meets actors, a robot that meets walls, and a tank on hills."""
-    lab, paper, hamlet = (load(name) for name in ("indoor_lab", "indoor_paper", "outdoor_paper"))
-    start = Placement()
-    rover = replace(lab.vehicles[0], placement=start)
-    robot = replace(paper.vehicles[0], placement=start)
-    return {
-        "rover": replace(
-            lab,
-            vehicles=(rover,),
-            world=replace(lab.world, actors=(*CRATES, DOOR)),
-            true_map=TrueMap(resolution_m=0.1, rate_hz=7.0),
-        ),
-        "decontamination robot": replace(paper, vehicles=(robot,)),
-        "tank": hamlet,
-    }
+def of_rover() -> Scenario:
+    """Return a rover that meets actors."""
+    lab = load("indoor_lab")
+    return replace(
+        lab,
+        vehicles=(replace(lab.vehicles[0], placement=Placement()),),
+        world=replace(lab.world, actors=(*CRATES, DOOR)),
+        true_map=TrueMap(resolution_m=0.1, rate_hz=7.0),
+    )
+
+
+def of_robot() -> Scenario:
+    """Return a robot that meets walls."""
+    paper = load("indoor_paper")
+    return replace(paper, vehicles=(replace(paper.vehicles[0], placement=Placement()),))
+
+
+def of_tank() -> Scenario:
+    """Return a tank on hills."""
+    return load("outdoor_paper")
 
 
 class Heard:
@@ -119,9 +123,9 @@ def change(episode: Episode, vehicle: str) -> None:
         episode.reset_state()
 
 
-@pytest.mark.parametrize("name", scenarios())
-def test_equals_the_episode_that_made_it(name: str) -> None:
-    scenario = scenarios()[name]
+@pytest.mark.parametrize("made", [of_rover, of_robot, of_tank])
+def test_equals_the_episode_that_made_it(made: Callable[[], Scenario]) -> None:
+    scenario = made()
     time = replace(scenario.time, mode="fast", checkpoint_s=PERIOD_S)
     scenario = replace(scenario, time=time)
     vehicle = scenario.vehicles[0].name
@@ -131,13 +135,13 @@ def test_equals_the_episode_that_made_it(name: str) -> None:
             change(episode, vehicle)
             heard.tick = episode.tick + 1
             episode.step()
-        made, journal = episode.checkpoints.complete, episode.journal()
+        checkpoints, journal = episode.checkpoints.complete, episode.journal()
         registry = episode.entities.memory()
     assert registry.descriptions
-    assert [checkpoint.tick for checkpoint in made] == [
+    assert [checkpoint.tick for checkpoint in checkpoints] == [
         *range(PERIOD_TICKS, END_TICK, PERIOD_TICKS)
     ]
-    for checkpoint in made:
+    for checkpoint in checkpoints:
         checkpoint = loaded(dumped(checkpoint), "file")
         again = Heard(scenario)
         again.tick = checkpoint.tick
@@ -157,7 +161,7 @@ def test_equals_the_episode_that_made_it(name: str) -> None:
 
 
 def test_checkpoints_change_nothing_before_the_first() -> None:
-    scenario = scenarios()["decontamination robot"]
+    scenario = of_robot()
     plain, heard = Heard(scenario), Heard(scenario)
     with_checkpoints = replace(scenario, time=replace(scenario.time, checkpoint_s=PERIOD_S))
     for each, of, number in ((scenario, plain, 5), (with_checkpoints, heard, 5)):
@@ -171,7 +175,7 @@ def test_checkpoints_change_nothing_before_the_first() -> None:
 
 def test_last_acknowledgement_of_a_driver_needs_no_earlier_command() -> None:
     """It refers to a command before the checkpoint, which the episode never gets."""
-    scenario = scenarios()["decontamination robot"]
+    scenario = of_robot()
     scenario = replace(scenario, time=replace(scenario.time, mode="fast", checkpoint_s=PERIOD_S))
     with episode_of(scenario, Heard(scenario), 5) as episode:
         while episode.tick < PERIOD_TICKS:
@@ -190,7 +194,7 @@ def test_last_acknowledgement_of_a_driver_needs_no_earlier_command() -> None:
 
 
 def test_of_another_model_is_refused() -> None:
-    robot, tank = scenarios()["decontamination robot"], scenarios()["tank"]
+    robot, tank = of_robot(), of_tank()
     robot = replace(robot, time=replace(robot.time, checkpoint_s=PERIOD_S))
     with episode_of(robot, Heard(robot), 5) as episode:
         while episode.tick < PERIOD_TICKS:
@@ -199,14 +203,14 @@ def test_of_another_model_is_refused() -> None:
     other = replace(tank.vehicles[0], name=robot.vehicles[0].name, placement=Placement())
     materials = robot.world.materials | tank.world.materials
     world = replace(robot.world, materials=materials)
-    of_tank = replace(robot, vehicles=(other,), world=world)
+    with_tank = replace(robot, vehicles=(other,), world=world)
     for bad, problem in (
         (checkpoint, "wheels, got"),
         (replace(checkpoint, memory=b"?"), "MessagePack|Expected"),
     ):
         with pytest.raises((ValueError, msgspec.MsgspecError), match=problem):
             Episode(
-                *(of_tank, "run", Heard(of_tank).publishers),
+                *(with_tank, "run", Heard(with_tank).publishers),
                 required=(),
                 wall_nanos=9,
                 checkpoint=bad,
