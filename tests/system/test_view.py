@@ -291,7 +291,7 @@ def test_a_file_holds_what_was_seen(running: Running, tmp_path: Path) -> None:
     running.bus.subscribe(RELAYED.key_in(running.rig.run), Relayed, plans)
     with slam(running):
         wait_for(lambda: len(plans) > 20, 40, "the stack tells of its plans")
-        wait_for(lambda: file.exists() and file.stat().st_size > 30_000_000, 30, "it is written")
+        wait_for(lambda: file.exists() and file.stat().st_size > 30_000_000, 90, "it is written")
     _ends_at_once(viewer)
     held = subprocess.run(
         [program(), "rrd", "print", str(file)], check=True, capture_output=True, text=True
@@ -303,5 +303,5 @@ def test_a_file_holds_what_was_seen(running: Running, tmp_path: Path) -> None:
     ):
         assert re.search(rf"/rover/from_ros/{entity}\b.*{drawn}", held), entity
     with eyes(str(file), tmp_path) as seen:
-        wait_for(lambda: seen.newest_seconds() > 0 and not seen.state().loading, 30, "it opens")
-        wait_for(lambda: _cloud_share(_world(seen)) > 2e-3, 30, "the cloud is drawn")
+        wait_for(lambda: seen.newest_seconds() > 0 and not seen.state().loading, 60, "it opens")
+        wait_for(lambda: _cloud_share(_world(seen)) > 2e-3, 60, "the cloud is drawn")
