@@ -23,6 +23,7 @@ from groundlink.scenario import Scenario
 from . import resimulation
 from .reader import RecordedMessage, Recording
 from .repeated_readings import RepeatedReadings
+from .resimulation import TopicPlan
 from .verifying import in_recorded_world, replay_journal
 
 
@@ -88,22 +89,23 @@ def resimulate(
 
 
 @contextmanager
-def simulated(recording: Recording, given: Scenario) -> Iterator[Iterator[RecordedMessage]]:
-    """Yield the messages of the sensors that differ from the recorded ones, while they arise.
+def simulated(
+    recording: Recording, given: Scenario, plan: TopicPlan
+) -> Iterator[Iterator[RecordedMessage]]:
+    """Yield the messages of simulated sensors, while they arise.
 
     Parameters
     ----------
     given
-        scenario with the changes, as of `resimulate`.
+        scenario with the changes, which passes `resimulation.check_drive`.
+    plan
+        plan of the whole, or a part of it.
 
     Raises
     ------
     UserError
-        as `resimulate`.
+        when a process fails.
     """
-    given = in_recorded_world(recording, given)
-    resimulation.check_drive(recording.started_as, given)
-    plan = resimulation.topic_plan(recording, given)
     again = replay_journal(recording, given)
     readings = RepeatedReadings(again.scenario, pipeline.RUN, again.epoch_nanos)
     end = resimulation.end_nanos(recording)

@@ -158,6 +158,23 @@ def topic_plan(recording: Recording, given: Scenario) -> TopicPlan:
     return TopicPlan(sensors, copied, new - latched, latched)
 
 
+def separate_parts(plan: TopicPlan, given: Scenario) -> list[TopicPlan]:
+    """Return the parts of a plan that can be simulated one by one, without the copied topics.
+
+    Each sensor is a part, but those that base drivers read are one part with what is made of them.
+    """
+    read = _read_by_bases(given)
+    together = [name for name in plan.sensors if name in read]
+    alone = [[name] for name in plan.sensors if name not in read]
+    of_sensors = set().union(*(_topics(given, name) for name in plan.sensors))
+    parts = []
+    for sensors in [together, *alone] if together else alone:
+        topics = set().union(*(_topics(given, name) for name in sensors)) & plan.simulated
+        topics |= plan.simulated - of_sensors if sensors is together else set()
+        parts.append(TopicPlan(sensors, [], topics, set()))
+    return parts
+
+
 def write_resimulated(
     recording: Recording,
     again: RepeatedReadings,

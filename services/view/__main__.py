@@ -10,11 +10,12 @@ import argparse
 import os
 import signal
 import socket
+import tempfile
 import threading
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from groundlink.bus.session import Bus
 from groundlink.cli.files.view import add_arguments
@@ -29,6 +30,11 @@ from groundlink.scene.build import world_hash
 
 from .viewer_subscriptions import ViewerSubscriptions
 
+if TYPE_CHECKING:
+    from groundlink.recording.reader import Recording
+
+    from .recorded.show import ViewedRecording
+
 NAME = "view"
 
 FRAME_SECONDS = 1 / 30
@@ -39,6 +45,7 @@ END_SECONDS = 1.0
 
 WEB_PORT = 9090
 FOXGLOVE_PORT = 8765
+FOXGLOVE_LINE = "view: open ws://{host}:{port} in Foxglove or Lichtblick"
 
 
 class RunView(Protocol):
@@ -133,15 +140,18 @@ def _show_file(options: argparse.Namespace, stop: threading.Event) -> None:
     try:
         from groundlink.recording.reader import Recording
 
-        from .recorded.show import RecordedRun
+        from .recorded.show import ViewedRecording
     except ModuleNotFoundError as error:
         raise UserError(
             f"viewing a recording needs `{error.name}`. Fix: pip install 'groundlink[record,view]'"
         ) from None
-    if options.foxglove:
+    if options.foxglove and options.scenario is None:
         raise UserError(f"--foxglove: Foxglove opens {options.recording} itself; expected no file")
     with Recording(options.recording) as recording:
-        recorded = RecordedRun(recording, options.scenario)
+        recorded = ViewedRecording(recording, options.scenario)
+        if options.foxglove:
+            _play(options, recording, recorded, stop)
+            return
         view = _view(options, recorded.scenario, recorded.run, recorded.streams, whole=True)
         if options.save is None:
             _end_in_time()
@@ -151,6 +161,28 @@ def _show_file(options: argparse.Namespace, stop: threading.Event) -> None:
                     pass
         finally:
             view.close()
+
+
+def _play(
+    options: argparse.Namespace,
+    recording: Recording,
+    recorded: ViewedRecording,
+    stop: threading.Event,
+) -> None:
+    """Serve a recording to Foxglove; its further sensors are simulated on request."""
+    with needs("view"):
+        from .recorded.foxglove_playback import FoxglovePlayback
+
+    host, port = options.host, options.port or FOXGLOVE_PORT
+    with tempfile.TemporaryDirectory(prefix="groundlink-view-") as folder:
+        playback = FoxglovePlayback(
+            *(recording, recorded, Path(folder), host, port), lambda line: print(line, flush=True)
+        )
+        print(FOXGLOVE_LINE.format(host=host, port=port), flush=True)
+        try:
+            playback.run(stop, time.monotonic)
+        finally:
+            playback.close()
 
 
 def _view(
@@ -168,7 +200,7 @@ def _view(
 
             port = options.port or FOXGLOVE_PORT
             server = FoxgloveServer(scenario, run, streams, options.host, port)
-            print(f"view: open ws://{options.host}:{port} in Foxglove or Lichtblick", flush=True)
+            print(FOXGLOVE_LINE.format(host=options.host, port=port), flush=True)
             return server
         from . import layout, rerun_destinations
         from .rerun_view import RerunView

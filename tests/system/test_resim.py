@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recorded drive with other sensors is what a whole run with them gives."""
 
+import signal
+import socket
 import subprocess
 import sys
+import time
 from collections import defaultdict
 from pathlib import Path
 
@@ -12,8 +15,9 @@ from groundlink.loader.scenario_files import SHIPPED
 from groundlink.monitor.process_commands import free_endpoint
 from groundlink.recording.reader import Recording
 from groundlink.ros.diagnostics import DIAGNOSTICS_TOPIC
+from tests.services.view.foxglove_client import joined
 
-from .rig import REPOSITORY
+from .rig import REPOSITORY, free_port
 
 pytestmark = pytest.mark.system
 
@@ -127,3 +131,33 @@ def test_a_recording_is_viewed_with_a_further_sensor(tmp_path: Path) -> None:
         assert (b"/rover/roof" in shown.read_bytes()) == is_drawn
         assert ("view: simulated rover/roof: 100 %" in said) == is_drawn
         shown.unlink()
+
+
+def test_foxglove_gets_a_further_sensor_when_it_subscribes(tmp_path: Path) -> None:
+    run, sensor, port = tmp_path / "run.mcap", tmp_path / "roof.yaml", free_port(socket.SOCK_STREAM)
+    sensor.write_text(
+        "{kind: lidar_2d, name: roof, datasheet: lms111, topic: /roof, frame: roof_link}",
+        encoding="utf-8",
+    )
+    record("indoor_2d", run)
+    words = ["view", str(run), "--add", f"rover={sensor}", "--foxglove", "--port", str(port)]
+    viewer = subprocess.Popen(
+        [sys.executable, "-m", "groundlink", *words], stdout=subprocess.PIPE, text=True
+    )
+    assert viewer.stdout is not None
+    try:
+        assert "open ws://" in viewer.stdout.readline()
+        with joined(port) as client:
+            client.subscribe("/roof")
+            assert "simulated rover/roof: " in viewer.stdout.readline()
+            client.control(play=True)
+            begun = time.monotonic()
+            while not client.got:
+                assert time.monotonic() < begun + 60
+                client.read(at_most=0.5)
+            scan = client.decoded("/roof")
+        assert len(scan.ranges) > 500
+    finally:
+        viewer.send_signal(signal.SIGINT)
+        assert viewer.wait(30) in (0, 130)
+        viewer.stdout.close()

@@ -11,6 +11,7 @@ from groundlink.core.clock import NANOS
 from groundlink.recording import repeated_run, resimulation
 from groundlink.recording.playback import Playback, TimedMessage
 from groundlink.recording.reader import Recording
+from groundlink.recording.resimulation import TopicPlan
 from groundlink.recording.verifying import in_recorded_world
 from groundlink.scenario.decoding import decode_scenario
 from services.view.reconstructed_states import ReceivedMessage, StateReconstructor
@@ -23,7 +24,7 @@ STEPS = 10
 """Number of times that the progress of a simulation is shown."""
 
 
-class RecordedRun:
+class ViewedRecording:
     """A recording with its own sensors, or with those of another scenario.
 
     Parameters
@@ -40,15 +41,14 @@ class RecordedRun:
     def __init__(self, recording: Recording, given: Path | None) -> None:
         self._recording, self.run = recording, recording.run.run
         self.scenario = recording.run.scenario
-        topics, self._simulated, self._sensors = {*recording.types}, set[str](), list[str]()
+        self.plan = TopicPlan([], [*recording.types], set(), set())
         if given is not None:
             self.scenario = in_recorded_world(recording, decode_scenario(given.read_bytes()))
             resimulation.check_drive(recording.started_as, self.scenario)
-            plan = resimulation.topic_plan(recording, self.scenario)
-            topics, self._simulated, self._sensors = {*plan.copied}, plan.simulated, plan.sensors
-        every = streams_of(self.scenario, self.run)
-        self._recorded = {p: stream for p, stream in every.items() if stream.topic in topics}
-        self._added = {p: stream for p, stream in every.items() if stream.topic in self._simulated}
+            self.plan = resimulation.topic_plan(recording, self.scenario)
+        every = streams_of(self.scenario, self.run).items()
+        self._recorded = {path: s for path, s in every if s.topic in self.plan.copied}
+        self._added = {path: s for path, s in every if s.topic in self.plan.simulated}
         self.streams = self._recorded | self._added
         """Streams by the path of their entity."""
 
@@ -61,9 +61,9 @@ class RecordedRun:
         first = self._recording.first_nanos
         if not self._pass(view, stop, playback.play(first)):
             return False
-        if not self._sensors:
+        if not self.plan.sensors:
             return True
-        with repeated_run.simulated(self._recording, self.scenario) as messages:
+        with repeated_run.simulated(self._recording, self.scenario, self.plan) as messages:
             view.begin_again()
             return self._pass(view, stop, playback.play(first, messages), simulated=True)
 
@@ -103,7 +103,7 @@ class RecordedRun:
         return (nanos - first) / (end - first)
 
     def _show_progress(self, view: "RunView", share: float) -> None:
-        line = f"simulated {', '.join(self._sensors)}: {100 * share:.0f} %"
+        line = f"simulated {', '.join(self.plan.sensors)}: {100 * share:.0f} %"
         print(f"view: {line}", flush=True)
         view.show_text(f"**{line}**\n\n{in_words(self._recording)}")
 

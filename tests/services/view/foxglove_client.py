@@ -14,8 +14,14 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 SUBPROTOCOL = Subprotocol("foxglove.sdk.v1")
-MESSAGE_DATA, TIME = 1, 2
+MESSAGE_DATA, TIME, PLAYBACK_STATE = 1, 2, 5
 """First byte of the protocol's binary messages."""
+
+PLAYBACK_CONTROL = 3
+"""The same of messages to the server."""
+
+PLAYING, PAUSED, BUFFERING, ENDED = range(4)
+"""Status of a playback."""
 
 
 class Client:
@@ -26,6 +32,8 @@ class Client:
         self.channels: dict[str, dict[str, Any]] = {}
         self.times: list[int] = []
         self.got: list[tuple[str, int, bytes]] = []
+        self.states: list[tuple[int, int]] = []
+        """Status and current time of the playback."""
 
     def read(self, quiet: float = 0.2, *, at_most: float = 5.0) -> None:
         """Take what comes until nothing has come for so many seconds."""
@@ -45,6 +53,8 @@ class Client:
             number, stamp = struct.unpack_from("<IQ", frame, 1)
             topic = next(t for t, c in self.channels.items() if c["id"] == number)
             self.got.append((topic, stamp, frame[13:]))
+        elif frame[0] == PLAYBACK_STATE:
+            self.states.append(struct.unpack_from("<BQ", frame, 1))
         elif frame[0] == TIME:
             self.times.append(struct.unpack_from("<Q", frame, 1)[0])
 
@@ -53,6 +63,11 @@ class Client:
             {"id": self.channels[t]["id"], "channelId": self.channels[t]["id"]} for t in topics
         ]
         self.socket.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
+
+    def control(self, *, play: bool, seek_nanos: int | None = None) -> None:
+        """Ask the server to play or to pause, perhaps somewhere else."""
+        fields = (PLAYBACK_CONTROL, not play, 1.0, seek_nanos is not None, seek_nanos or 0)
+        self.socket.send(struct.pack("<BBf?QI", *fields, 2) + b"id")
 
     def decoded(self, topic: str) -> Any:
         """Return the newest message of a topic, read by the advertised definition."""

@@ -15,7 +15,7 @@ from groundlink.recording import repeated_run
 from groundlink.recording.reader import RecordedMessage, Recording
 from groundlink.ros.streams import RosStream
 from groundlink.scenario import Scenario
-from services.view.recorded.show import RecordedRun
+from services.view.recorded.show import ViewedRecording
 
 EVERY_KIND = Path(__file__).parents[4] / "tests" / "compatibility" / "every_kind.mcap"
 
@@ -73,7 +73,7 @@ def with_second_imu(scenario: Scenario, folder: Path) -> Path:
 
 
 @contextmanager
-def renamed(recording: Recording, _: Scenario) -> Iterator[Iterator[RecordedMessage]]:
+def renamed(recording: Recording, *_: object) -> Iterator[Iterator[RecordedMessage]]:
     """Yield the messages of the recorded IMU as those of the second one."""
     yield (message._replace(topic="/second") for message in recording.read(["/imu"]))
 
@@ -85,7 +85,7 @@ def simulation(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_recorded_streams_come_first_and_simulated_ones_after_them(tmp_path: Path) -> None:
     with Recording(EVERY_KIND) as recording:
-        run = RecordedRun(recording, with_second_imu(recording.run.scenario, tmp_path))
+        run = ViewedRecording(recording, with_second_imu(recording.run.scenario, tmp_path))
         seen = Seen()
         assert run.show(seen, threading.Event())
     name = recording.run.scenario.vehicles[0].name
@@ -103,14 +103,14 @@ def test_recorded_streams_come_first_and_simulated_ones_after_them(tmp_path: Pat
 def test_without_changes_there_is_one_pass() -> None:
     with Recording(EVERY_KIND) as recording:
         seen = Seen()
-        assert RecordedRun(recording, None).show(seen, threading.Event())
+        assert ViewedRecording(recording, None).show(seen, threading.Event())
     assert len(seen.passes) == len(seen.texts) == 1
 
 
 @pytest.mark.parametrize("passes", [1, 2])
 def test_closed_viewer_ends_it(passes: int, tmp_path: Path) -> None:
     with Recording(EVERY_KIND) as recording:
-        run = RecordedRun(recording, with_second_imu(recording.run.scenario, tmp_path))
+        run = ViewedRecording(recording, with_second_imu(recording.run.scenario, tmp_path))
         seen = Seen(closes_in_pass=passes)
         assert not run.show(seen, threading.Event())
     assert len(seen.passes) == passes
