@@ -33,6 +33,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {
     "motors_power": (c_double, c_void_p, c_double, c_double),
     "battery_draw": (c_double, c_void_p, c_double),
     "steering_joint_turn": (None, c_void_p, c_double, c_double),
+    "vehicle_torques": (None, c_void_p, c_void_p),
     "vehicles_touch": (c_size_t, c_void_p, c_size_t, c_void_p, c_void_p),
     "vehicles_roll": (None, c_void_p, c_size_t),
     "vehicles_spring": (None, c_void_p, c_size_t),

@@ -450,8 +450,8 @@ class Episode:
 
     def _expect_truth(self) -> None:
         """Find the tick of the next state that ground truth needs."""
-        sources = (*self._truths, self._bodies, self._map)
-        self._truth_tick = min(source.next_tick for source in sources)
+        of_vehicles = (truth.next_tick for truth in self._truths)
+        self._truth_tick = min(*of_vehicles, self._bodies.next_tick, self._map.next_tick)
 
     def _publish_clock(self, sim_nanos: int, tick: int) -> None:
         epoch_nanos = self.epoch_nanos

@@ -5,6 +5,7 @@ Messages have the declared rate and the stamps of their instants, as a sensor's 
 an instant between two ticks the states of both are interpolated. Covariances are zero.
 """
 
+import struct
 import sys
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -13,7 +14,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS, Schedule
-from groundlink.core.frames import IDENTITY_QUATERNION, matrix_from_quaternion, nlerp
+from groundlink.core.frames import IDENTITY_QUATERNION, nlerp
+from groundlink.core.quaternions import conjugate, rotate
 from groundlink.messages.base import State, VehicleState, floats, packed
 from groundlink.messages.ground_truth import WORLD_FRAME, Bodies
 from groundlink.messages.navigation import (
@@ -29,6 +31,8 @@ from groundlink.world.solids import Solid
 
 _ACTORS = "/actors"
 """Key of the actors, beside names of vehicles, which have no slash."""
+
+_POSE, _VELOCITY = struct.Struct("<7d"), struct.Struct("<6d")
 
 _NO_ERROR = memoryview(bytes(COVARIANCE_6X6_BYTES))
 
@@ -137,18 +141,17 @@ class VehicleTruth:
 
     def odometry(self, vehicle: VehicleState, stamp_nanos: int) -> Odometry:
         """Return world_from_base and the base's velocity in its own frame."""
-        x, y, z, qx, qy, qz, qw = vehicle.poses()[0].tolist()
-        base_from_world = matrix_from_quaternion(np.array([qx, qy, qz, qw])).T
-        velocities = floats(vehicle.base_velocity).reshape(2, 3) @ base_from_world.T
-        linear, angular = velocities.tolist()
+        x, y, z, *world_from_base = _POSE.unpack_from(vehicle.link_poses)
+        base_from_world = conjugate(tuple(world_from_base))
+        vx, vy, vz, wx, wy, wz = _VELOCITY.unpack(vehicle.base_velocity)
         return Odometry(
             stamp_nanos=stamp_nanos,
             frame=WORLD_FRAME,
             child_frame=self._child_frame,
             position_m=(x, y, z),
-            orientation=(qx, qy, qz, qw),
-            linear_mps=tuple(linear),
-            angular_radps=tuple(angular),
+            orientation=tuple(world_from_base),
+            linear_mps=rotate(base_from_world, (vx, vy, vz)),
+            angular_radps=rotate(base_from_world, (wx, wy, wz)),
             pose_covariance=_NO_ERROR,
             twist_covariance=_NO_ERROR,
         )

@@ -348,6 +348,8 @@ class Simulation:
 
     def actor_poses(self) -> memoryview:
         """Return world_from_actor of every actor, as `State.actors` has it."""
+        if not self._actors:
+            return memoryview(b"")
         poses = [actor.pose() for actor in self._actors.values()]
         return memoryview(b"".join([_pack_row(*position, *turn) for position, turn in poses]))
 

@@ -294,7 +294,7 @@ class RunningGear(Structure):
 
     def angles(self) -> tuple[float, ...]:
         """Return the angles of the steered wheels."""
-        return tuple(steering_joint.angle_rad for steering_joint in self._steering_joints)
+        return tuple([joint.angle_rad for joint in self._steering_joints])
 
     def roll(self, forward_mps: float, turn_radps: float) -> None:
         """Have all shafts turn as they do when the vehicle rolls at a velocity, without slip.
@@ -314,7 +314,7 @@ class RunningGear(Structure):
 
     def steering_speeds(self) -> tuple[float, ...]:
         """Return the speeds at which the steered wheels are turned, rad/s."""
-        return tuple(steering_joint.speed_radps for steering_joint in self._steering_joints)
+        return tuple([joint.speed_radps for joint in self._steering_joints])
 
     def battery(self) -> BatteryState | None:
         """Return the state of the battery, None without one."""

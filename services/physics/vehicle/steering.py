@@ -45,7 +45,7 @@ class SkidSteering:
     def speeds(self, twist: Twist, angles: Sequence[float] = ()) -> Speeds:
         """Return the speed of each driven shaft for a velocity of the base."""
         linear, angular = twist
-        return tuple((linear - angular * y) / radius for y, radius in self._shares)
+        return tuple([(linear - angular * y) / radius for y, radius in self._shares])
 
     def twist(self, speeds: Sequence[float], angles: Sequence[float] = ()) -> Twist:
         """Return the velocity of the base that shaft speeds amount to, in least squares."""

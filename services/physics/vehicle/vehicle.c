@@ -213,6 +213,16 @@ static void write_link(const struct vehicle *vehicle, const struct link *link, c
     memcpy(pose, row, sizeof row);
 }
 
+/* Find the motor's torque on each wheel's axle in the last step. */
+void groundlink_vehicle_torques(const struct vehicle *vehicle, double *torques)
+{
+    for (size_t k = 0; k < vehicle->gear->wheel_count; k++) {
+        const struct wheel *wheel = vehicle->gear->wheels[k];
+        const struct shaft *shaft = wheel->shaft;
+        torques[k] = shaft ? shaft->torque / (wheel->ratio * shaft->tire_count) : 0.0;
+    }
+}
+
 /* Write the states after the last step where messages have them, which is aligned to nothing. */
 void groundlink_vehicles_write(struct vehicle **vehicles, size_t count)
 {

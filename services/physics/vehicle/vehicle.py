@@ -6,8 +6,7 @@ model's order of links and wheels.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from ctypes import POINTER, Structure, c_double, c_int32, c_size_t, c_void_p, pointer
-from struct import Struct
+from ctypes import POINTER, Structure, byref, c_double, c_int32, c_size_t, c_void_p, pointer
 from typing import NamedTuple
 
 import numpy as np
@@ -167,7 +166,6 @@ class SimulatedVehicle(Structure):
             _links=self._kept_links,
             _link_count=len(model.joints),
         )
-        self._pack_wheels = Struct(f"<{count}d").pack
         self._asked: WheelTargets | None = None
         self._state = self.blank_state()
         self._set_surfaces()
@@ -339,9 +337,10 @@ class SimulatedVehicle(Structure):
 
     def follow_commands(self, sim_nanos: int) -> None:
         """Set targets of shafts, steering joints and servos for the step from `sim_nanos`."""
-        if (targets := self.drive.wheels(sim_nanos, self.running_gear.angles())) is not self._asked:
+        gear = self.running_gear
+        if (targets := self.drive.wheels(sim_nanos, gear.angles())) is not self._asked:
             self._asked = targets
-            self.running_gear.ask(targets)
+            gear.ask(targets)
         if self.servos.step(sim_nanos):
             self._place_links()
         if self._engine_shake:
@@ -396,9 +395,9 @@ class SimulatedVehicle(Structure):
 
     def motor_torques(self) -> memoryview:
         """Return the motor's torque on each wheel's axle in the last step: float64, N m."""
-        return memoryview(
-            self._pack_wheels(*[wheel.torque_nm for wheel in self.running_gear.wheels])
-        )
+        torques = (c_double * self._count)()
+        kernels().vehicle_torques(byref(self), torques)
+        return memoryview(torques).cast("B")
 
     def blank_state(self) -> VehicleState:
         """Return a state of the size of its states, with zeros."""
