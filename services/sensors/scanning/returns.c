@@ -14,17 +14,16 @@ enum { WHITE_AT_M = 10, MOST_RAYS = 64 };
 /* Rounding does not take noise below the threshold. */
 #define ABOVE 1.00001f
 
-/* The one echo of a beam of one ray; return whether there is one. */
-static inline size_t axis_echo(const struct receiver *receiver, const struct hits *hits, size_t ray,
-                               struct echo *echo)
-{
-    if (hits->labels[ray] < 0)
-        return 0;
-    const float range = hits->range[ray], light = light_of(receiver, hits, ray);
-    *echo = (struct echo){range, light, light / (range * range), hits->labels[ray],
-                          hits->bodies[ray], 0};
-    return 1;
-}
+/* So many beams of a laser are measured together that what is known of them stays in the nearest
+ * cache. */
+enum { CHUNK = 256 };
+
+/* What of these beams is reported: an echo, or none, whose range is infinite, to the negative where
+ * something was too near. */
+struct reported {
+    float range[CHUNK], light[CHUNK], power[CHUNK];
+    float sunlit[CHUNK]; /* variance of the noise of sunlight */
+};
 
 /* Echoes of what the rays of a beam hit, from near to far; return how many. What is too near sends
  * none, and sets `near`. */
@@ -72,17 +71,17 @@ static size_t beam_echoes(const struct receiver *receiver, const struct hits *hi
 }
 
 /* Intensity as the device reports it. */
-static inline float intensity_of(const struct receiver *receiver, const struct echo *echo)
+static INLINED float intensity_of(const struct receiver *receiver, float light, float power)
 {
     if (receiver->received)
-        return echo->power * (WHITE_AT_M * WHITE_AT_M);
-    if (echo->light <= 100)
-        return rintf(echo->light);
-    return rintf(101 + 154 * fminf(1, echo->light / (100 * receiver->retroreflection)));
+        return power * (WHITE_AT_M * WHITE_AT_M);
+    const float share = light / (100 * receiver->retroreflection);
+    const float retroreflected = rintf(101 + 154 * (share < 1 ? share : 1));
+    return light <= 100 ? rintf(light) : retroreflected;
 }
 
 /* The cell of a table at an intensity and a range. */
-static inline const struct band *band_at(const struct echo_bands *bands, float intensity, float range)
+static INLINED const struct band *band_at(const struct echo_bands *bands, float intensity, float range)
 {
     const float row = intensity * bands->rows_per_intensity + 0.5f;
     const float column = range * bands->columns_per_m + 0.5f;
@@ -113,7 +112,7 @@ static void find_sunlight(const struct sunlight *sun, size_t rays, const float *
 }
 
 /* Variance of the noise that sunlight adds to a beam, which begins with `first`; in the dark it is 1. */
-static inline float sunlit_noise(const struct receiver *receiver, const struct hits *hits, size_t first)
+static INLINED float sunlit_noise(const struct receiver *receiver, const struct hits *hits, size_t first)
 {
     const struct sunlight *sun = receiver->sun;
     float light = 0;
@@ -128,63 +127,115 @@ static inline float sunlit_noise(const struct receiver *receiver, const struct h
 }
 
 /* Whether an echo is above the threshold, which follows the noise. */
-static inline int is_seen(const struct receiver *receiver, float power, float sunlit)
+static INLINED int is_seen(const struct receiver *receiver, float power, float sunlit)
 {
     const float least = receiver->least_power;
     return sunlit > 0 ? power * power >= least * least * (1 + sunlit) : !(power < least);
 }
 
-/* Report an echo: noise, the laser's own error, rounding, limits, loss. Or none, which is infinite,
- * to the negative where something was too `near`. */
-static inline void report(const struct receiver *receiver, const struct echo *echo, int near,
-                          float sunlit, size_t laser, const float *white, const float *lost,
-                          size_t draw, const struct returns *returns, size_t to)
+/* Set an echo, or none, to be reported; `to` is the return's place. */
+static INLINED void set(struct reported *reported, size_t place, const struct echo *echo, int near,
+                        float sunlit, const struct returns *returns, size_t to)
 {
-    if (!echo) {
-        returns->range[to] = near ? -INFINITY : INFINITY;
-        returns->true_range[to] = INFINITY;
-        returns->returned[to] = 0;
-        returns->intensity[to] = 0;
-        returns->labels[to] = returns->bodies[to] = -1;
-        returns->rays[to] = 0;
-        return;
+    static const struct echo none = {.range = INFINITY, .label = -1, .body = -1};
+    const struct echo *of = echo ? echo : &none;
+    reported->range[place] = echo || !near ? of->range : -INFINITY;
+    reported->light[place] = of->light;
+    reported->power[place] = of->power;
+    reported->sunlit[place] = sunlit;
+    returns->true_range[to] = of->range;
+    returns->labels[to] = of->label;
+    returns->bodies[to] = of->body;
+    returns->rays[to] = of->ray;
+}
+
+/* Set the echoes of beams of one ray in clear air, which begin with `first`. */
+static INLINED void set_axes(const struct receiver *receiver, const struct hits *hits, size_t first,
+                             size_t count, const struct returns *returns,
+                             struct reported *reported)
+{
+    const float least = receiver->least_power;
+#pragma GCC ivdep
+    for (size_t i = 0; i < count; i++) {
+        const size_t ray = first + i;
+        const int32_t label = hits->labels[ray];
+        const float range = hits->range[ray], light = light_of(receiver, hits, ray);
+        const float power = light / (range * range);
+        const int seen = (label >= 0) & !(power < least);
+        reported->range[i] = seen ? range : INFINITY;
+        reported->light[i] = light;
+        reported->power[i] = power;
+        reported->sunlit[i] = 0;
     }
-    const float step = receiver->range_resolution;
-    const float intensity = intensity_of(receiver, echo);
-    float measured = echo->range, banded = 0, dropout = receiver->dropout;
-    if (receiver->bands) {
-        const struct band *band = band_at(receiver->bands, intensity, echo->range);
-        banded = band->stddev;
-        dropout += (1 - dropout) * band->dropout;
-    }
-    if (white) {
-        float stddev = receiver->stddev[laser];
-        if (receiver->range_share > 0) {
-            const float share = receiver->range_share * echo->range;
-            stddev = sqrtf(stddev * stddev + share * share);
+    for (size_t i = 0; receiver->sun && i < count; i++)
+        if (hits->labels[first + i] >= 0) {
+            const float sunlit = sunlit_noise(receiver, hits, first + i);
+            const int seen = is_seen(receiver, reported->power[i], sunlit);
+            reported->range[i] = seen ? hits->range[first + i] : INFINITY;
+            reported->sunlit[i] = sunlit;
         }
-        if (banded > 0)
-            stddev = stddev > 0 ? sqrtf(stddev * stddev + banded * banded) : banded;
-        if (sunlit > 0) {
-            const float spread = receiver->sun->spread * receiver->least_power;
-            const float square = stddev * stddev * echo->power * echo->power;
-            const float added = sunlit * spread * spread;
-            if (added > FAINT * square)
-                stddev = sqrtf(square + added) / echo->power;
-        }
-        measured += stddev * white[draw];
+#pragma GCC ivdep
+    for (size_t i = 0; i < count; i++) {
+        const int seen = reported->range[i] < INFINITY;
+        returns->true_range[first + i] = reported->range[i];
+        returns->labels[first + i] = seen ? hits->labels[first + i] : -1;
+        returns->bodies[first + i] = seen ? hits->bodies[first + i] : -1;
+        returns->rays[first + i] = 0;
     }
-    measured += receiver->bias[laser];
-    if (step > 0)
-        measured = rintf(measured / step) * step;
-    returns->range[to] = measured;
-    returns->returned[to] = measured >= receiver->min_range && measured <= receiver->max_range &&
-                            !(lost && lost[draw] < dropout);
-    returns->intensity[to] = intensity;
-    returns->true_range[to] = echo->range;
-    returns->labels[to] = echo->label;
-    returns->bodies[to] = echo->body;
-    returns->rays[to] = echo->ray;
+}
+
+/* Report echoes: noise, the laser's own error, rounding, limits, loss. Random numbers and returns
+ * begin with those of the first one. */
+static INLINED void report(const struct receiver *receiver, const struct reported *reported,
+                           size_t count, size_t laser, const float *white, const float *lost,
+                           float *range, uint8_t *returned, float *intensity)
+{
+    const float step = receiver->range_resolution, bias = receiver->bias[laser];
+    const float of_laser = receiver->stddev[laser], range_share = receiver->range_share;
+    float stddev[CHUNK], dropout[CHUNK];
+    for (size_t i = 0; i < count; i++) {
+        intensity[i] = intensity_of(receiver, reported->light[i], reported->power[i]);
+        stddev[i] = of_laser;
+        dropout[i] = receiver->dropout;
+    }
+    for (size_t i = 0; range_share > 0 && i < count; i++) {
+        const float share = range_share * reported->range[i];
+        stddev[i] = sqrtf(stddev[i] * stddev[i] + share * share);
+    }
+    for (size_t i = 0; receiver->bands && i < count; i++) {
+        if (!(fabsf(reported->range[i]) < INFINITY))
+            continue;
+        const struct band *band = band_at(receiver->bands, intensity[i], reported->range[i]);
+        dropout[i] += (1 - dropout[i]) * band->dropout;
+        if (band->stddev > 0)
+            stddev[i] = stddev[i] > 0
+                            ? sqrtf(stddev[i] * stddev[i] + band->stddev * band->stddev)
+                            : band->stddev;
+    }
+    for (size_t i = 0; receiver->sun && i < count; i++) {
+        const float power = reported->power[i];
+        const float spread = receiver->sun->spread * receiver->least_power;
+        const float square = stddev[i] * stddev[i] * power * power;
+        const float added = reported->sunlit[i] * spread * spread;
+        stddev[i] = added > FAINT * square ? sqrtf(square + added) / power : stddev[i];
+    }
+#pragma GCC ivdep
+    for (size_t i = 0; i < count; i++)
+        range[i] = white ? reported->range[i] + stddev[i] * white[i] : reported->range[i];
+#pragma GCC ivdep
+    for (size_t i = 0; i < count; i++) {
+        float measured = range[i] + bias;
+        measured = step > 0 ? rintf(measured / step) * step : measured;
+        range[i] = measured;
+    }
+#pragma GCC ivdep
+    for (size_t i = 0; i < count; i++) {
+        const int is_echo = fabsf(reported->range[i]) < INFINITY;
+        range[i] = is_echo ? range[i] : reported->range[i];
+        intensity[i] = is_echo ? intensity[i] : 0;
+        returned[i] = is_echo & (range[i] >= receiver->min_range) &
+                      (range[i] <= receiver->max_range) & !(lost && lost[i] < dropout[i]);
+    }
 }
 
 /* Choose those echoes that are reported, first and second; NULL where there is none. */
@@ -227,7 +278,7 @@ static size_t add_false(const struct receiver *receiver, const struct false_retu
  * are of the whole revolution, or NULL where none are needed. `stray` has room for an echo of each
  * beam where there is blooming. `foreign` has the false returns of the revolution in the order of beams; the
  * last one is of a beam after all. */
-void groundlink_returns(const struct receiver *receiver, const struct hits *hits,
+VECTORIZED void groundlink_returns(const struct receiver *receiver, const struct hits *hits,
                         const struct returns *returns, size_t first, size_t end,
                         const float *white, const float *lost, const float *air,
                         const float *gaps, const struct false_return *foreign,
@@ -236,7 +287,7 @@ void groundlink_returns(const struct receiver *receiver, const struct hits *hits
     const size_t beams = receiver->lasers * receiver->firings, cast = receiver->lasers * (end - first);
     const size_t clouds = receiver->weather ? receiver->weather->clouds : 0;
     struct echo echoes[MOST_RAYS + 4 + clouds];
-    const struct echo *chosen[2];
+    struct reported reported[2];
     const int dual = receiver->mode == DUAL, plain = receiver->rays == 1 && !receiver->weather && !dual;
     const int blooms = receiver->blooming && groundlink_bloom(receiver, hits, end - first, stray);
     if (receiver->sun)
@@ -244,41 +295,53 @@ void groundlink_returns(const struct receiver *receiver, const struct hits *hits
                       receiver->sun->lit, receiver->sun->scattered);
 
     for (size_t laser = 0; laser < receiver->lasers; laser++)
-        for (size_t firing = first; firing < end; firing++) {
-            const size_t beam = laser * receiver->firings + firing;
-            const size_t to = laser * (end - first) + firing - first;
-            const int edge = receiver->reach > 0 &&
-                             ((firing > first && leaps(hits->range[to], hits->range[to - 1])) ||
-                              (firing + 1 < end && leaps(hits->range[to], hits->range[to + 1])));
-            const int bloomed = blooms && stray[to].power > 0;
-            while ((size_t)foreign->beam < beam)
+        for (size_t begin = first; begin < end; begin += CHUNK) {
+            const size_t count = end - begin < CHUNK ? end - begin : CHUNK;
+            const size_t begin_beam = laser * receiver->firings + begin;
+            const size_t begin_to = laser * (end - first) + begin - first;
+            while ((size_t)foreign->beam < begin_beam)
                 foreign++;
-            const int is_false = (size_t)foreign->beam == beam;
-            if (plain && !edge && !bloomed && !is_false) {
-                const size_t count = axis_echo(receiver, hits, to, echoes);
-                const float sunlit = count && receiver->sun ? sunlit_noise(receiver, hits, to) : 0;
-                const int seen = count && is_seen(receiver, echoes->power, sunlit);
-                report(receiver, seen ? echoes : NULL, 0, sunlit, laser, white, lost, beam, returns,
-                       to);
-                continue;
+            if (plain)
+                set_axes(receiver, hits, begin_to, count, returns, reported);
+            /* Whether there may be a beam with more than the echo of its axis. */
+            const int more = !plain || receiver->reach > 0 || blooms ||
+                             (size_t)foreign->beam < begin_beam + count;
+            for (size_t i = 0; more && i < count; i++) {
+                const size_t beam = begin_beam + i, to = begin_to + i, firing = begin + i;
+                const int edge =
+                    receiver->reach > 0 &&
+                    ((firing > first && leaps(hits->range[to], hits->range[to - 1])) ||
+                     (firing + 1 < end && leaps(hits->range[to], hits->range[to + 1])));
+                const int bloomed = blooms && stray[to].power > 0;
+                while ((size_t)foreign->beam < beam)
+                    foreign++;
+                const int is_false = (size_t)foreign->beam == beam;
+                if (plain && !edge && !bloomed && !is_false)
+                    continue;
+                const size_t ray = to * receiver->rays;
+                const float sunlit = receiver->sun ? sunlit_noise(receiver, hits, ray) : 0;
+                const struct echo *chosen[2];
+                int near = 0;
+                size_t found = edge ? groundlink_edge_echoes(receiver, hits, to, firing - first,
+                                                             end - first, gaps + beam, echoes)
+                                    : beam_echoes(receiver, hits, ray, echoes, &near);
+                if (bloomed)
+                    found = groundlink_add_stray(receiver, &stray[to], echoes, found);
+                if (receiver->weather)
+                    found = groundlink_through_weather(receiver, hits, ray, air + beam, beams,
+                                                       echoes, found);
+                if (is_false)
+                    found = add_false(receiver, foreign, sunlit, echoes, found);
+                choose(receiver, echoes, found, sunlit, chosen);
+                set(&reported[0], i, chosen[0], near, sunlit, returns, to);
+                if (dual)
+                    set(&reported[1], i, chosen[1], near, sunlit, returns, cast + to);
             }
-            const size_t ray = to * receiver->rays;
-            const float sunlit = receiver->sun ? sunlit_noise(receiver, hits, ray) : 0;
-            int near = 0;
-            size_t count = edge ? groundlink_edge_echoes(receiver, hits, to, firing - first,
-                                                         end - first, gaps + beam, echoes)
-                                : beam_echoes(receiver, hits, ray, echoes, &near);
-            if (bloomed)
-                count = groundlink_add_stray(receiver, &stray[to], echoes, count);
-            if (receiver->weather)
-                count = groundlink_through_weather(receiver, hits, ray, air + beam, beams, echoes,
-                                                   count);
-            if (is_false)
-                count = add_false(receiver, foreign, sunlit, echoes, count);
-            choose(receiver, echoes, count, sunlit, chosen);
-            report(receiver, chosen[0], near, sunlit, laser, white, lost, beam, returns, to);
-            if (dual)
-                report(receiver, chosen[1], near, sunlit, laser, white, lost, beams + beam, returns,
-                       cast + to);
+            for (size_t which = 0; which <= (size_t)dual; which++) {
+                const size_t draw = which * beams + begin_beam, to = which * cast + begin_to;
+                report(receiver, &reported[which], count, laser, white ? white + draw : NULL,
+                       lost ? lost + draw : NULL, returns->range + to, returns->returned + to,
+                       returns->intensity + to);
+            }
         }
 }

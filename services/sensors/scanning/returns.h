@@ -13,6 +13,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "../rays/vectorized.h"
+
 enum { STRONGEST, LAST, DUAL };
 
 /* A box of dust. */
@@ -79,7 +81,7 @@ struct receiver {
     float cell; /* meters between returns that can be told apart */
     float least_power;
     const float *stddev, *bias;    /* of each laser */
-    const float *reflectance;      /* by label, up to 1 where diffuse */
+    const float *reflectance;      /* by label, up to 1 where diffuse; at least one */
     float retroreflection;         /* reflectance of the ideal retroreflector */
     const struct weather *weather; /* or NULL */
     const struct echo_bands *bands; /* or NULL */
@@ -106,18 +108,19 @@ struct echo {
     int32_t label, body, ray; /* of the ray that brings most of it, and its number in the beam */
 };
 
-/* Percent that a surface sends back, as it is slanted. */
-static inline float light_of(const struct receiver *receiver, const struct hits *hits, size_t ray)
+/* Percent that a surface sends back, as it is slanted; without a hit it has no meaning. */
+static INLINED float light_of(const struct receiver *receiver, const struct hits *hits, size_t ray)
 {
+    const int32_t label = hits->labels[ray];
     const float cosine = hits->normals[ray] * hits->directions[ray] +
                          hits->normals[hits->rays + ray] * hits->directions[hits->rays + ray] +
                          hits->normals[2 * hits->rays + ray] * hits->directions[2 * hits->rays + ray];
-    return 100 * receiver->reflectance[hits->labels[ray]] * fabsf(cosine);
+    return 100 * receiver->reflectance[label < 0 ? 0 : label] * fabsf(cosine);
 }
 
 /* Whether the range changes so much to the next hit of a laser that an edge may lie between them. */
 #define EDGE_M 0.05f
-static inline int leaps(float range, float next)
+static INLINED int leaps(float range, float next)
 {
     return !(fabsf(range - next) < EDGE_M) && (range < INFINITY || next < INFINITY);
 }

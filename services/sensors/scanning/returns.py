@@ -150,7 +150,7 @@ class LidarReceiver:
         self._noisy = self._noisy or sunlight is not None
         self._loses = spec.dropout > 0 or (bands is not None and bool(bands.dropout))
         self._shape = spec.returns_per_ray, lasers, firings
-        self._reflectance = reflectance
+        self._reflectance = np.append(reflectance, np.float32(0))  # of hits on nothing
         blooming = stray.blooming if reflectance.max(initial=0) > 1 else None
         # Allocated once: pages of new memory cost more than the computation.
         self._returns: dict[int, Returns] = {}
@@ -161,7 +161,7 @@ class LidarReceiver:
             *(spec.range_stddev_share, spec.range_resolution_m),
             *(spec.min_range_m, spec.max_range_m, spec.dropout),
             *(spec.cell_m, spec.least_power),
-            *(self._stddevs.ctypes.data, self.bias_m.ctypes.data, reflectance.ctypes.data),
+            *(array.ctypes.data for array in (self._stddevs, self.bias_m, self._reflectance)),
             *(RETROREFLECTION, None if air is None else ctypes.addressof(air.structure)),
             None if self._bands is None else ctypes.addressof(self._bands.structure),
             stray.reach,
