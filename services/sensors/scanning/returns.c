@@ -176,10 +176,11 @@ static INLINED void set_axes(const struct receiver *receiver, const struct hits 
         }
 #pragma GCC ivdep
     for (size_t i = 0; i < count; i++) {
-        const int seen = reported->range[i] < INFINITY;
-        returns->true_range[first + i] = reported->range[i];
-        returns->labels[first + i] = seen ? hits->labels[first + i] : -1;
-        returns->bodies[first + i] = seen ? hits->bodies[first + i] : -1;
+        const int32_t label = hits->labels[first + i], body = hits->bodies[first + i];
+        const float range = reported->range[i];
+        returns->true_range[first + i] = range;
+        returns->labels[first + i] = range < INFINITY ? label : -1;
+        returns->bodies[first + i] = range < INFINITY ? body : -1;
         returns->rays[first + i] = 0;
     }
 }

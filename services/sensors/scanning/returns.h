@@ -111,11 +111,11 @@ struct echo {
 /* Percent that a surface sends back, as it is slanted; without a hit it has no meaning. */
 static INLINED float light_of(const struct receiver *receiver, const struct hits *hits, size_t ray)
 {
-    const int32_t label = hits->labels[ray];
+    const int32_t label = hits->labels[ray] & ~(hits->labels[ray] >> 31); /* -1 becomes 0 */
     const float cosine = hits->normals[ray] * hits->directions[ray] +
                          hits->normals[hits->rays + ray] * hits->directions[hits->rays + ray] +
                          hits->normals[2 * hits->rays + ray] * hits->directions[2 * hits->rays + ray];
-    return 100 * receiver->reflectance[label < 0 ? 0 : label] * fabsf(cosine);
+    return 100 * receiver->reflectance[label] * fabsf(cosine);
 }
 
 /* Whether the range changes so much to the next hit of a laser that an edge may lie between them. */
