@@ -89,5 +89,7 @@ def joined(port: int) -> Iterator[Client]:
     address = f"ws://127.0.0.1:{port}"
     with connect(address, subprotocols=[SUBPROTOCOL], max_size=None) as socket:
         client = Client(socket)
-        client.read()
+        end = time.monotonic() + 20
+        while not client.channels and time.monotonic() < end:  # a busy machine
+            client.read()
         yield client
