@@ -212,8 +212,8 @@ def loaded_by(*modules: str) -> dict[str, str]:
     ("modules", "most"),
     [
         (("services.router.__main__",), 25),
-        (("services.sensors.imu.__main__", "services.sensors.imu.model"), 102),
-        (("services.gateway.__main__",), 162),
+        (("services.sensors.imu.__main__", "services.sensors.imu.model"), 104),
+        (("services.gateway.__main__",), 164),
     ],
     ids=["router", "imu", "gateway"],
 )

@@ -51,13 +51,18 @@ class BusTopic:
     bulky: bool = False
     """Its messages are so large that small ones should not wait behind them."""
 
+    local: bool = False
+    """Processes of one machine pass its messages without the router (see `local_stream`)."""
+
     def key_in(self, run: str, **names: str) -> str:
         """Return the full key expression in a run; names left out become `*`."""
         fields = {"vehicle": "*", "sensor": "*", "process": "**", "topic": "**"} | names
         return f"{ROOT}/{run}/{self.key.format(**fields)}"
 
 
-STATE = BusTopic("state", "state", State, "physics", f"{TICK_RATE_HZ} Hz", Delivery.NEWEST)
+STATE = BusTopic(
+    *("state", "state", State, "physics", f"{TICK_RATE_HZ} Hz", Delivery.NEWEST), local=True
+)
 BATCH_TICKS = 4
 """Ticks between two batches of states: 10 ms. Half as many would save half as much."""
 

@@ -30,7 +30,7 @@ class BusInbox(Generic[M]):
 
         self.last_refusal = ""
         self._waiting: deque[tuple[str, bytes, type[M]]] = deque()
-        self._depth = depth
+        self.depth = depth
         self._arrived = threading.Condition()
 
     def __len__(self) -> int:
@@ -44,7 +44,7 @@ class BusInbox(Generic[M]):
     def put(self, key: str, payload: bytes, message_type: type[M]) -> None:
         """Store a message's bytes."""
         with self._arrived:
-            if len(self._waiting) >= self._depth:
+            if len(self._waiting) >= self.depth:
                 self.dropped_of[self._waiting.popleft()[0]] += 1
             self._waiting.append((key, payload, message_type))
             self._arrived.notify()

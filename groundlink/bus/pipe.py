@@ -88,7 +88,7 @@ class PipeBus(Bus):
         return 0
 
     def publisher(
-        self, key: str, delivery: Delivery, *, bulky: bool = False
+        self, key: str, delivery: Delivery, *, bulky: bool = False, local: bool = False
     ) -> Callable[[BusMessage], bytes]:
         """Return a function that writes messages under `key` and returns their bytes."""
 

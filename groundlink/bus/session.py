@@ -10,6 +10,7 @@ run. An open session blocks the exit of its process, so a `Bus` is a context man
 import json
 import os
 import re
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -20,10 +21,11 @@ from groundlink.core.errors import DeafSession, UserError
 from groundlink.messages.base import BusMessage, M, encode
 
 from . import zenoh_config
-from .channel import BusChannel
+from .channel import WAKE_SECONDS, BusChannel, PayloadSource
 from .core_topics import ROUTER_KEY, Delivery
 from .credentials import from_environment
 from .inbox import BusInbox
+from .local_stream import LocalSource, LocalStream
 
 REPLIES_KEPT = 4096
 """Maximum number of replies to one query; the longest answer is the history of a fast run."""
@@ -37,6 +39,10 @@ HEARTBEAT_SECONDS = 0.5
 """Period of the heartbeat of a publisher with a cache."""
 
 _ENDPOINT = re.compile(r"^(tcp|udp|tls|quic|ws)/(\[[0-9a-fA-F:]+\]|[^\s/:]+):(\d{1,5})$")
+
+
+_LOCAL = "@local"
+"""Chunk before the name of a local stream, in the key by which its publisher announces it."""
 
 
 class BusError(UserError):
@@ -85,6 +91,7 @@ class Bus:
                     "tcp/HOST:7447"
                 )
         credentials = None if foreign else from_environment(os.environ)
+        self._is_secured = credentials is not None
         if credentials is not None and name is not None:
             credentials.check(name)
         more = credentials.settings() if credentials is not None else {}
@@ -131,7 +138,7 @@ class Bus:
 
     def close(self) -> None:
         """Leave the bus."""
-        for declared in self._declared:
+        for declared in reversed(self._declared):  # a reader before what it reads
             declared.undeclare()
         self._declared.clear()
         self._session.close()  # type: ignore[no-untyped-call]
@@ -148,12 +155,15 @@ class Bus:
         return self._connections
 
     def publisher(
-        self, key: str, delivery: Delivery, *, bulky: bool = False
+        self, key: str, delivery: Delivery, *, bulky: bool = False, local: bool = False
     ) -> Callable[[BusMessage], bytes]:
         """Return a function that publishes messages under `key` and returns their bytes.
 
         Parameters
         ----------
+        local
+            offer the messages, frequent and small ones, to processes of this machine without the
+            router as well. They may then overtake other messages of this session.
         bulky
             use the low-priority queues of large messages. Also for messages that must not overtake
             those.
@@ -164,6 +174,18 @@ class Bus:
             priority=zenoh.Priority.DATA_LOW if bulky else zenoh.Priority.DATA,
         )
         self._declared.append(publisher)
+        if local and not self._is_secured:
+            stream = LocalStream()
+            self._declared.append(stream)
+            self.announce(f"{key}/{_LOCAL}/{stream.name}")
+
+            def publish_locally(message: BusMessage) -> bytes:
+                payload = encode(message)
+                stream.send(payload)  # first: see `LocalSource`
+                publisher.put(payload)
+                return payload
+
+            return publish_locally
 
         def publish(message: BusMessage) -> bytes:
             payload = encode(message)
@@ -221,25 +243,42 @@ class Bus:
 
         self._declared.append(self._session.declare_subscriber(key, hand_over))
 
-    def channel(self, key: str, message_type: type[M], *, depth: int) -> BusChannel[M]:
-        """Return a channel of the messages under `key`, of which `depth` may wait."""
-        ring: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(depth)
-        subscriber = self._session.declare_subscriber(key, ring)
+    def channel(
+        self, key: str, message_type: type[M], *, depth: int, local: bool = False
+    ) -> BusChannel[M]:
+        """Return a channel of the messages under `key`, of which `depth` may wait.
 
-        def poll() -> bytes | None:
-            sample = subscriber.try_recv()
-            return None if sample is None else sample.payload.to_bytes()
+        With `local`, take them without the router from a publisher on this machine.
+        """
+        return BusChannel(self._source(key, depth, local=local), message_type, depth=depth)
 
-        channel = BusChannel(
-            lambda: subscriber.recv().payload.to_bytes(),
-            poll,
-            message_type,
-            lambda: self._session.put(key, b"", allowed_destination=zenoh.Locality.SESSION_LOCAL),
-            depth=depth,
-        )
-        # The timer ends before its subscriber.
-        self._declared += [channel, subscriber]
-        return channel
+    def _source(self, key: str, depth: int, *, local: bool) -> PayloadSource:
+        """Return the payloads under a key; of a secured bus, all by its router."""
+        source: PayloadSource
+        if local and not self._is_secured:
+            source = local_source = LocalSource(lambda: _RoutedSource(self._session, key, depth))
+            prefix = f"{key}/{_LOCAL}/"
+
+            def found(token: str, is_there: bool) -> None:
+                if is_there:
+                    local_source.found(token.removeprefix(prefix))
+
+            self.watch(f"{prefix}*", found)
+        else:
+            source = _RoutedSource(self._session, key, depth)
+        self._declared.append(source)
+        return source
+
+    def subscribe_local(self, key: str, message_type: type[M], inbox: BusInbox[M]) -> None:
+        """Put messages under `key` into `inbox`; without the router from this machine."""
+        source, ended = self._source(key, inbox.depth, local=True), threading.Event()
+
+        def hand_over() -> None:
+            while not ended.is_set():
+                if payload := source.receive():
+                    inbox.put(key, payload, message_type)
+
+        self._declared.append(_Reader(hand_over, ended))
 
     def subscribe_in_order(
         self, key: str, type_of: Callable[[str], type[M] | None], inbox: BusInbox[M]
@@ -315,6 +354,48 @@ class Bus:
         self._declared.append(
             self._session.liveliness().declare_subscriber(key, hand_over, history=True)
         )
+
+
+class _RoutedSource:
+    """Payloads under a key that come by the router (a `PayloadSource`)."""
+
+    def __init__(self, session: zenoh.Session, key: str, depth: int) -> None:
+        self._session, self._key = session, key
+        ring: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(depth)
+        self._subscriber = session.declare_subscriber(key, ring)
+        self._ended = threading.Event()
+        # Channels of Zenoh have no timeout, so this session sends itself empty payloads.
+        self._timer = threading.Thread(target=self._wake, daemon=True)
+        self._timer.start()
+
+    def _wake(self) -> None:
+        while not self._ended.wait(WAKE_SECONDS):
+            self._session.put(self._key, b"", allowed_destination=zenoh.Locality.SESSION_LOCAL)
+
+    def receive(self) -> bytes:
+        return self._subscriber.recv().payload.to_bytes()
+
+    def poll(self) -> bytes | None:
+        sample = self._subscriber.try_recv()
+        return None if sample is None else sample.payload.to_bytes()
+
+    def undeclare(self) -> None:
+        self._ended.set()
+        self._timer.join()
+        self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+
+
+class _Reader:
+    """A thread that reads a source until it is told to end."""
+
+    def __init__(self, read: Callable[[], None], ended: threading.Event) -> None:
+        self._ended = ended
+        self._thread = threading.Thread(target=read, daemon=True)
+        self._thread.start()
+
+    def undeclare(self) -> None:
+        self._ended.set()
+        self._thread.join()
 
 
 def _explained(problem: str, connect: str | None, listen: str | None) -> str:

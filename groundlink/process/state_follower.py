@@ -77,7 +77,7 @@ def follow_states(
     """
     states: BusChannel[State] | BusChannel[StateBatch]
     if any(follower.is_urgent for follower in followers):
-        states = bus.channel(STATE.key_in(run_name), State, depth=STATES_KEPT)
+        states = bus.channel(STATE.key_in(run_name), State, depth=STATES_KEPT, local=not waited_for)
     else:
         depth = STATES_KEPT // BATCH_TICKS
         states = bus.channel(STATE_BATCH.key_in(run_name), StateBatch, depth=depth)

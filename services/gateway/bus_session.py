@@ -28,6 +28,9 @@ from .world_queries import execute_world_query
 INBOX_MESSAGES = 4096
 """Messages of the bus that may wait: some seconds of all streams together."""
 
+FREQUENT_HZ = 50.0
+"""Rate above which it takes streams of this machine without the router."""
+
 HISTORY_SECONDS = 20.0
 """Timeout for the memory of a predecessor."""
 
@@ -98,7 +101,10 @@ class BusSession:
             for key, stream in gateway.streams.items():
                 if key not in self._types:
                     self._types[key] = stream.message
-                    self.bus.subscribe(key, stream.message, self.inbox)
+                    is_frequent = (stream.declared_hz or 0.0) > FREQUENT_HZ
+                    is_local = is_frequent and scenario.time.mode == "realtime"
+                    subscribe = self.bus.subscribe_local if is_local else self.bus.subscribe
+                    subscribe(key, stream.message, self.inbox)
             return
         is_first = not self._types
         self._types |= {key: stream.message for key, stream in gateway.streams.items()}

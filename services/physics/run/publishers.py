@@ -36,7 +36,7 @@ class BusPublishers(Publishers):
     def __init__(self, bus: Bus, run: str, scenario: Scenario) -> None:
         self._bus, self._run = bus, run
         state, clock, bodies, true_map = (
-            bus.publisher(topic.key_in(run), topic.delivery)
+            bus.publisher(topic.key_in(run), topic.delivery, local=topic.local)
             for topic in (STATE, CLOCK, BODIES, TRUE_MAP)
         )
         super().__init__(state, clock, bodies, true_map, {}, {}, {}, {})

@@ -185,12 +185,16 @@ def follower(
     if kind.native and (destination := native or getattr(spec, "native", None)):
         link = NativeLink(load_reference(kind.native)(model, spec), destination)
         opened.callback(link.close)
+    is_urgent = scenario.time.mode == "realtime" and spec.message_rate_hz > BATCHED_HZ
     names = {"vehicle": vehicle.name, "sensor": spec.name}
     # All messages of the sensor use one connection, so a participant that has received the sensor's
-    # progress has also received its readings.
+    # progress has also received its readings. In real time nobody waits for them in this order.
     publisher = partial(bus.publisher, bulky=kind.bulky)
     publish = {
-        output.name: publisher(output.row.key_in(run_name, **names), output.row.delivery)
+        output.name: publisher(
+            *(output.row.key_in(run_name, **names), output.row.delivery),
+            local=is_urgent and not kind.bulky,
+        )
         for output in sensor_outputs(spec)
     }
 
@@ -260,5 +264,4 @@ def follower(
         }
         return counts | counters_of(ledger.missing) | counted(live.active) | link.counters
 
-    is_urgent = time.mode == "realtime" and spec.message_rate_hz > BATCHED_HZ
     return StateFollower(name, live, counters, claim, is_urgent=is_urgent)

@@ -91,6 +91,24 @@ def test_a_channel_has_all_messages_in_order(endpoint: str) -> None:
         assert len(channel) == 0
 
 
+def test_local_messages_come_once_and_in_order_whether_by_the_router_or_not(endpoint: str) -> None:
+    with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
+        inbox: BusInbox[Clock] = BusInbox(depth=10_000)
+        receiver.subscribe_local(KEY, Clock, inbox)
+        publish = sender.publisher(KEY, Delivery.ALL, local=True)
+        publish_until_heard(publish, Clock(0, 0, -1, 0), inbox)
+        for tick in range(2000):
+            publish(Clock(tick, 0, tick, 0))
+            if tick % 100 == 0:
+                time.sleep(0.01)
+        ticks = [-1]
+        while ticks[-1] != 1999:
+            message = inbox.get(seconds=10)
+            assert message is not None
+            ticks.append(message[1].tick)
+        assert [tick for tick in ticks if tick >= 0] == list(range(2000))
+
+
 def test_a_full_channel_drops_the_oldest(endpoint: str) -> None:
     with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
         inbox: BusInbox[Clock] = BusInbox(depth=1000)

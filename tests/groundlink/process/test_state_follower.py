@@ -46,6 +46,23 @@ class Taker:
                 self.acknowledged_tick = state.tick
 
 
+@dataclass
+class Source:
+    """Payloads that have all come."""
+
+    payloads: deque[bytes]
+
+    def receive(self) -> bytes:
+        if not self.payloads:
+            time.sleep(WAKE_SECONDS)
+        return self.poll() or b""
+
+    def poll(self) -> bytes | None:
+        return self.payloads.popleft() if self.payloads else None
+
+    def undeclare(self) -> None: ...
+
+
 class Physics:
     """Serves what it has told, and knows what it was told."""
 
@@ -62,22 +79,15 @@ class Physics:
         kept = [ack, *(one for one in self.told if one.tick > self.acknowledged)]
         return {str(number): encode(message) for number, message in enumerate(kept)}
 
-    def channel(self, key: str, message: Any, *, depth: int) -> BusChannel[Any]:
+    def channel(
+        self, key: str, message: Any, *, depth: int, local: bool = False
+    ) -> BusChannel[Any]:
         arriving: Sequence[State | StateBatch] = self.arriving
         if key == STATE_BATCH.key_in("run"):
             starts = range(0, len(self.arriving), BATCH)
             arriving = [StateBatch(tuple(self.arriving[i : i + BATCH])) for i in starts]
         payloads = deque(map(encode, arriving))
-
-        def poll() -> bytes | None:
-            return payloads.popleft() if payloads else None
-
-        def receive() -> bytes:
-            if not payloads:
-                time.sleep(WAKE_SECONDS)
-            return poll() or b""
-
-        return BusChannel(receive, poll, message, lambda: None, depth=depth)
+        return BusChannel(Source(payloads), message, depth=depth)
 
     def publisher(self, key: str, delivery: object) -> Callable[[object], None]:
         return lambda message: None
