@@ -11,6 +11,7 @@ BIN := .venv/bin
 # Tests start hundreds of processes: none compiles again what another has compiled.
 PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
 READY := .venv/.ready
+READY_RUN := .venv/.ready-run
 SETUP_INPUTS := pyproject.toml udp-bridge/pyproject.toml setup.sh \
 	$(wildcard services/sensors/*/*.c services/sensors/*/*/*.c udp-bridge/src/udp_bridge/io/native/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
 # Programs of the experiments that tests need.
@@ -24,12 +25,15 @@ SYSTEM_TESTS := tests/system tests/ros1 tests/ros/cpp tests/bridge/test_kernel_l
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  %-14s %s\n", $$1, $$2 }'
 
-setup: $(READY) ## create the environment in .venv
+setup: $(READY) ## create the environment for development in .venv
 
 $(READY): $(SETUP_INPUTS)
 	@./setup.sh
 
-run: setup ## run SCENARIO and show what arrives in ROS; DURATION=20 stops after 20 s, REPORT=FILE.json writes a report
+$(READY_RUN): $(SETUP_INPUTS)
+	@./setup.sh $(if $(wildcard $(READY)),development,run)
+
+run: $(READY_RUN) ## run SCENARIO and show what arrives in ROS; DURATION=20 stops after 20 s, REPORT=FILE.json writes a report
 	@$(BIN)/groundlink up $(SCENARIO) \
 		$(if $(DURATION),--duration $(DURATION)) $(if $(REPORT),--report $(REPORT))
 

@@ -1,9 +1,11 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
 # Create the environment in .venv: Groundlink, UDP Bridge, development tools, and ROS 2 if its wheels
-# fit this platform. Uses uv if it is installed, else venv and pip.
+# fit this platform. `setup.sh run` leaves out what a run does not need: development tools, viewers,
+# analysis. Uses uv if it is installed, else venv and pip.
 set -eu
 cd "$(dirname "$0")"
+WHAT=${1:-development}
 
 PYTHON=${PYTHON:-}
 if [ -z "$PYTHON" ]; then
@@ -32,17 +34,33 @@ else
     fi
     step "creating .venv with venv and pip"
     [ -x .venv/bin/python ] || "$PYTHON" -m venv .venv
-    install() { .venv/bin/python -m pip install -qq --disable-pip-version-check --no-compile "$@"; }
+    # A run starts faster with compiled modules; compiling all those for development takes too long.
+    [ "$WHAT" = run ] && COMPILE=--compile || COMPILE=--no-compile
+    install() { .venv/bin/python -m pip install -qq --disable-pip-version-check $COMPILE "$@"; }
 fi
 
 if .venv/bin/python -c 'import sys; sys.exit(sys.version_info < (3, 12))'; then
     step "PyBullet has no wheels for Python 3.12 and later: compiling it takes about 15 minutes"
 fi
-step "installing Groundlink, its dependencies and test tools (one to two minutes)"
-install -e ./udp-bridge -e '.[all,benchmarks,experiments,docs,dev]'
+if [ "$WHAT" = run ]; then
+    step "installing Groundlink and what a run needs (about a minute)"
+    install -e ./udp-bridge -e '.[run]'
+else
+    step "installing Groundlink, its dependencies and test tools (one to two minutes)"
+    install -e ./udp-bridge -e '.[all,benchmarks,experiments,docs,dev]'
+    # A test decodes packets by its core, which needs numpy alone. It pins older rosbags, click, psutil.
+    install --no-deps ouster-sdk==0.16.2 || step "no wheel of ouster-sdk for this platform: its tests are skipped"
+fi
 
-# A test decodes packets by its core, which needs numpy alone. It pins older rosbags, click, psutil.
-install --no-deps ouster-sdk==0.16.2 || step "no wheel of ouster-sdk for this platform: its tests are skipped"
+# Of PyBullet's wheel, nothing here uses 142 MB of models and 131 MB of debug symbols. What is written
+# is another file: package caches may share the old one by hard links.
+packages=$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("platlib"))')
+rm -rf "$packages/pybullet_data"
+for library in "$packages"/pybullet.*.so; do
+    if strip --strip-unneeded -o "$library.new" "$library" 2>/dev/null; then
+        mv "$library.new" "$library"
+    fi
+done
 
 step "installing ROS 2 Kilted"
 if install $(.venv/bin/python - <<'PYTHON'
@@ -58,5 +76,6 @@ else
     step "no ROS 2 wheels for this platform: a plain UDP Bridge receiver replaces the ROS node"
 fi
 
-touch .venv/.ready
+[ "$WHAT" = run ] || touch .venv/.ready
+touch .venv/.ready-run
 step "done"

@@ -28,6 +28,7 @@ EXTRAS = (
         "search",
         "secure",
     ),
+    "run",
     "all",
 )
 
