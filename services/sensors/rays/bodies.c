@@ -110,14 +110,14 @@ struct motion {
     double first[7][LANES], second[7][LANES];
 };
 
-/* Read values `from` to `end` of these poses. */
+/* Read these poses. */
 static INLINED void read_motion(const struct ray_world *around, int32_t body,
-                                const struct rays *rays, int from, int end, struct motion *motion)
+                                const struct rays *rays, struct motion *motion)
 {
     const double *first, *second;
     if (rays->together) {
         first = poses(around, body, rays->before[0], &second);
-        for (int i = from; i < end; i++)
+        for (int i = 0; i < 7; i++)
             EACH_LANE {
                 motion->first[i][lane] = first[i];
                 motion->second[i][lane] = second[i];
@@ -126,7 +126,7 @@ static INLINED void read_motion(const struct ray_world *around, int32_t body,
     }
     for (int lane = 0; lane < LANES; lane++) {
         first = poses(around, body, rays->before[lane], &second);
-        for (int i = from; i < end; i++) {
+        for (int i = 0; i < 7; i++) {
             motion->first[i][lane] = first[i];
             motion->second[i][lane] = second[i];
         }
@@ -188,41 +188,28 @@ static INLINED int any(const int32_t valid[LANES])
     return found;
 }
 
-/* Meet a body, if any ray passes its ball at its own instant, before what it met so far. */
-static INLINED void meet_body(const struct ray_world *around, int32_t body, struct rays *rays)
+/* Meet a body, which is within the box `way` at all times, if any ray enters the box of its mesh at
+ * its own instant before what it met so far. */
+static INLINED void meet_body(const struct ray_world *around, int32_t body, const struct box *way,
+                              struct rays *rays)
 {
     const struct packet *world = &rays->world;
-    const float radius = (float)around->radii[body];
     struct packet *own = &rays->own;
     struct motion motion;
     float offset[3][LANES], q[4][LANES], twice[LANES];
     int32_t valid[LANES] __attribute__((aligned(64)));
-    read_motion(around, body, rays, 0, 3, &motion);
+    EACH_LANE
+        valid[lane] = -1;
+    pass_box(way, world, world->far, valid);
+    if (!any(valid))
+        return;
+    read_motion(around, body, rays, &motion);
     for (int axis = 0; axis < 3; axis++)
         EACH_LANE {
             const double from = motion.first[axis][lane], to = motion.second[axis][lane];
             offset[axis][lane] =
                 (float)(world->origin[axis][lane] - (from + rays->share[lane] * (to - from)));
         }
-    EACH_LANE {
-        const float a = offset[0][lane], b = offset[1][lane], c = offset[2][lane];
-        const float x = world->direction[0][lane], y = world->direction[1][lane],
-                    z = world->direction[2][lane];
-        const float per_length = 1 / sqrtf(x * x + y * y + z * z);
-        const float along = (a * x + b * y + c * z) * per_length * per_length;
-        const float d = a - along * x, e = b - along * y, f = c - along * z;
-        const float rounded = 1e-6f * (fabsf(a) + fabsf(b) + fabsf(c));
-        const float reach = radius + rounded;
-        const float square = reach * reach - (d * d + e * e + f * f);
-        /* Half of its way through the ball. */
-        const float half = (sqrtf(higher(square, 0)) + rounded) * per_length;
-        int32_t passes = square >= 0 ? -1 : 0;
-        passes = -along - half <= world->far[lane] ? passes : 0;
-        valid[lane] = half - along >= 0 ? passes : 0;
-    }
-    if (!any(valid))
-        return;
-    read_motion(around, body, rays, 3, 7, &motion);
     mix_lanes(&motion, rays->share, q);
     EACH_LANE
         twice[lane] = 2 / (q[0][lane] * q[0][lane] + q[1][lane] * q[1][lane] +
@@ -254,7 +241,7 @@ VECTORIZED void groundlink_meet_bodies(const struct ray_world *around, struct ra
             continue;
         for (int32_t i = 0; i < node->items; i++)
             for (int packet = 0; packet < packets; packet++)
-                meet_body(around, around->order[node->first + i], &rays[packet]);
+                meet_body(around, around->order[node->first + i], &node->box, &rays[packet]);
         if (!node->items) {
             waiting[count++] = around->nodes + node->first;
             waiting[count++] = around->nodes + node->first + 1;

@@ -71,9 +71,8 @@ struct ray_world {
     const int32_t *first_triangle; /* of each scene */
     const int32_t *first_label;
     const double (*poses)[7];      /* world_from_body: steps, bodies */
-    const double *radii;           /* of the balls about the bodies' origins that hold their meshes */
     const struct box *boxes;       /* of each body's mesh, in the body's frame */
-    const struct node *nodes;      /* of the tree of these balls, each over its whole way */
+    const struct node *nodes;      /* of the tree of boxes that hold a body on its whole way */
     const int32_t *order;
     const struct terrain *terrain; /* or NULL */
     int32_t steps, bodies;

@@ -55,7 +55,7 @@ class _RayWorld(ctypes.Structure):
     _fields_ = (
         *((name, c_void_p) for name in ("intersect", "scenes")),
         *((name, c_void_p) for name in ("vertices", "faces", "first_triangle", "first_label")),
-        *((name, c_void_p) for name in ("poses", "radii", "boxes", "nodes", "order", "terrain")),
+        *((name, c_void_p) for name in ("poses", "boxes", "nodes", "order", "terrain")),
         *((name, c_int) for name in ("steps", "bodies")),
     )
 
@@ -149,7 +149,7 @@ class Scene:
         hits = self._hits[shape]
         meshes, tree = self._meshes, self._tree
         known = meshes.vertices, meshes.faces, self._first_triangle, meshes.first_label
-        moved = self._poses, self._radii, self._boxes, tree.nodes, tree.order
+        moved = self._poses, self._boxes, tree.nodes, tree.order
         around = _RayWorld(
             self._engine.intersect,
             ctypes.addressof(self._scenes),
