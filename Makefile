@@ -10,6 +10,8 @@ REPORT ?=
 BIN := .venv/bin
 # Tests start hundreds of processes: none compiles again what another has compiled.
 PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
+# Tests wait now and then: one more of them than there are processors.
+WORKERS := $(shell echo $$(($$(nproc) + 1)))
 READY := .venv/.ready
 READY_RUN := .venv/.ready-run
 SETUP_INPUTS := pyproject.toml udp-bridge/pyproject.toml setup.sh \
@@ -41,7 +43,7 @@ test: setup ## run all tests that need no Docker engine, in three stages; a fail
 	@$(MAKE) --no-print-directory --keep-going test-units test-system test-alone
 
 test-units: setup ## run unit tests, import contracts, style and type checks
-	@$(PYTEST) -m "not system and not stack and not nightly" --reruns=$(RERUNS) --numprocesses=auto --dist=loadfile \
+	@$(PYTEST) -m "not system and not stack and not nightly" --reruns=$(RERUNS) --numprocesses=$(WORKERS) --dist=loadfile \
 		--no-loadscope-reorder
 
 environments: setup ## install third-party programs that tests of the experiments need

@@ -140,15 +140,12 @@ AFTERWARDS: dict[str, Callable[[Path], None]] = {
 
 PAGES = sorted(page.stem for page in TUTORIALS.glob("*.md"))
 
-LONG = (
-    *("bisect", "evaluate-slam", "lossy-radio", "navigate", "pass-or-fail", "search", "what-if"),
-    *("your-own-sensor", "your-own-world"),
-)
-"""Pages that are followed by `make nightly` alone. Other tests run what they show, each day."""
+EACH_DAY = ("first-run", "record-and-read")
+"""Pages that `make test` follows. Other tests run each day what the other pages show."""
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.nightly] if n in LONG else []) for n in PAGES]
+    "name", [pytest.param(n, marks=[] if n in EACH_DAY else [pytest.mark.nightly]) for n in PAGES]
 )
 def test_a_tutorial_is_followed(name: str, tmp_path: Path) -> None:
     pytest.importorskip("rclpy", reason="no ROS 2 here")

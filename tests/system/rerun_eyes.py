@@ -76,7 +76,7 @@ def eyes(source: str, folder: Path, size: str = "1280x800") -> Iterator[Eyes]:
         yield Eyes(wait_for(lambda: _client(port), 90, "the viewer answers"))
     finally:
         process.terminate()
-        process.wait(10)
+        process.wait(30)
 
 
 def _client(port: int) -> ViewerClient | None:

@@ -88,8 +88,8 @@ def test_bad_speed_is_found(folder: Path, capsys: pytest.CaptureFixture[str]) ->
 def test_guilty_commit_is_found(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     toy = ToyRepository(folder / "stack")
     shas = []
-    for number in range(17):
-        controller = CONTROLLER.format(sign="-" if number < 11 else "", number=number)
+    for number in range(5):
+        controller = CONTROLLER.format(sign="-" if number < 3 else "", number=number)
         files = {"toy.yaml": SCENARIO, "drive.py": DRIVE, "controller.py": controller}
         shas.append(toy.commit(f"change {number}", files))
     words = ["--repository", "stack", "--good", shas[0], "--bad", "main", "--json"]
@@ -97,10 +97,10 @@ def test_guilty_commit_is_found(folder: Path, capsys: pytest.CaptureFixture[str]
     check = ["--", sys.executable, "offset.py"]
     assert groundlink(["bisect", *words, *program, *check]) == 0
     result = json.loads(capsys.readouterr().out)
-    assert [change["sha"] for change in result["changes"]] == [shas[11]]
+    assert [change["sha"] for change in result["changes"]] == [shas[3]]
     assert result["first_difference"]["topic"] == "/cmd_vel"
     assert result["first_difference"]["field"] == "angular.z"
-    assert result["runs"] <= most_probes(17) == 6
+    assert result["runs"] <= most_probes(5) == 4
     assert toy.git("status", "--porcelain") == ""
 
 

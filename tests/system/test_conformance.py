@@ -13,7 +13,9 @@ from tests.ros.interfaces import simulation_interfaces
 from .rig import REPOSITORY, rig, wait_for
 
 pytest.importorskip("rclpy", reason="no ROS 2 here")
-pytestmark = [pytest.mark.system, pytest.mark.timeout(240)]  # it may compile the messages
+# Each day `test_ros_control.py` uses the services, and `tests/ros` tests the kit. The time is for
+# compiling the messages, too.
+pytestmark = [pytest.mark.system, pytest.mark.nightly, pytest.mark.timeout(240)]
 
 KIT = REPOSITORY / "ros" / "simulation_interfaces_tck" / "src"
 FEATURES = 31

@@ -62,8 +62,8 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     with rig(folder) as it:
         gateway = f"{{link: {{}}, bind: {it.address(it.bind)}, peer: {it.address(it.peer)}}}"
         tour = TOUR.read_text(encoding="utf-8")
-        # A quarter of the pace: what is looked at is who may say what, and not how much.
-        more = f"gateway: {gateway}\ntime: {{factor: 0.25}}\n"
+        # A tenth of the pace: what is looked at is who may say what, and not how much.
+        more = f"gateway: {gateway}\ntime: {{factor: 0.1}}\n"
         it.scenario.write_text(f"{tour}\n{more}", encoding="utf-8")
         secured = Secured(it)
         secured.start("router", "services.router", "--listen", it.endpoint)

