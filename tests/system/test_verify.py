@@ -170,8 +170,9 @@ def test_a_run_in_real_time_with_people_and_accidents_in_it(tmp_path: Path) -> N
             command = bus.publisher(COMMAND.key_in(it.run, vehicle="rover"), COMMAND.delivery)
             clocks: BusInbox[Clock] = BusInbox(depth=1)
             bus.subscribe(CLOCK.key_in(it.run), Clock, clocks)
+            # Behind the rover, however far it has come when the command has started.
             spawn = it.start(
-                *("-m", "groundlink", "spawn", "box", "--at=-4,-4"), *joining, log="spawn.log"
+                *("-m", "groundlink", "spawn", "box", "--at=-12,-4"), *joining, log="spawn.log"
             )
             begin, spawned = None, math.inf
             while arrived := clocks.get(seconds=20):
