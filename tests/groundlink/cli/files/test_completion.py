@@ -46,6 +46,7 @@ NO_WORDS = {
     "TOPIC",
     "VEHICLE/SENSOR",
     "VEHICLE/SENSOR,...",
+    "none|{...}",
     "VEHICLE=FILE",
     "WIDTHxHEIGHT",
     "X",
