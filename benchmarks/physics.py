@@ -41,12 +41,13 @@ SECONDS = 1.0
 COMMAND_TICKS = TICK_RATE_HZ // 20
 
 LEAST = {
-    ("rover", 1): 25.0,
-    ("rover", 4): 8.0,
-    ("rover", 10): 3.0,
-    ("rover", 16): 2.0,
-    ("tank", 1): 10.0,
-    ("tank", 4): 2.5,
+    ("rover", 1): 60.0,
+    ("rover", 4): 25.0,
+    ("rover", 10): 12.0,
+    ("rover", 16): 8.0,
+    ("tank", 1): 30.0,
+    ("tank", 4): 10.0,
+    ("tank", 16): 3.0,
 }
 """Ratios to real time below which `--check` fails, by model and number of vehicles."""
 

@@ -46,10 +46,10 @@ def _beside_the_lidar(folder: Path) -> None:
     )
     time.sleep(START_SECONDS)
     processes = _children_of(record.pid)
-    begin = {pid: _cpu_seconds(pid) for pid in processes}
+    begin = {pid: processor_seconds(pid) for pid in processes}
     size = out.stat().st_size
     time.sleep(SECONDS)
-    took = {name: _cpu_seconds(pid) - begin[pid] for pid, name in processes.items()}
+    took = {name: processor_seconds(pid) - begin[pid] for pid, name in processes.items()}
     per_minute = (out.stat().st_size - size) * 60 / SECONDS / 1e6
     record.wait()
     for name, seconds in sorted(took.items()):
@@ -91,7 +91,7 @@ def _children_of(pid: int) -> dict[int, str]:
     return found
 
 
-def _cpu_seconds(pid: int) -> float:
+def processor_seconds(pid: int) -> float:
     """Return the processor time that a process has taken, of all its threads."""
     stat = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     return (int(stat[11]) + int(stat[12])) / os.sysconf("SC_CLK_TCK")
