@@ -66,7 +66,7 @@ class PointLeases:
         """By key, in the order in which they were started."""
 
         self._holders: dict[str, str] = {}
-        """Worker of each point that is evaluated, by key."""
+        """Worker of each point that is or was evaluated, by key."""
 
         self._heard_s: dict[str, float] = {}
         """When each worker reported last."""
@@ -101,7 +101,6 @@ class PointLeases:
 
     def finish(self, name: str) -> StartedPoint | None:
         """Return the point of an outcome, None if it has one already."""
-        self._holders.pop(name, None)
         return self._points.pop(name, None)
 
     def _free(self, names: Iterable[str]) -> None:

@@ -124,7 +124,7 @@ class FoxglovePlayback(ServerListener):
     def turn(self, seconds: float) -> None:
         """Send what is due after some more seconds of the wall clock."""
         with self._lock:
-            known = min([self.end_nanos, *(p.known_nanos for p in self._parts if p.is_begun)])
+            known = self._known_nanos()
             after, has_sought, self._sought = self._now, self._sought, False
             if self._is_playing and not has_sought:
                 wanted = min(self._now + round(seconds * self._speed * NANOS), self.end_nanos)
@@ -161,11 +161,11 @@ class FoxglovePlayback(ServerListener):
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:
         """Begin to simulate the sensor of a topic; called on the server's thread."""
-        if channel.topic in self._latched_topics:
-            self._is_owed = True
-        if (part := self._part_of.get(channel.topic)) is not None:
-            part.begin()
-        self._sought = True  # the new subscriber gets the newest message, also while paused
+        with self._lock:
+            self._is_owed |= channel.topic in self._latched_topics
+            if (part := self._part_of.get(channel.topic)) is not None:
+                part.begin()
+            self._sought = True  # the new subscriber gets the newest message, also while paused
 
     def on_playback_control_request(
         self, playback_control_request: PlaybackControlRequest
@@ -178,14 +178,18 @@ class FoxglovePlayback(ServerListener):
             if request.seek_time is not None:
                 self._now = min(max(request.seek_time, self._first), self.end_nanos)
                 self._sought = True
-            status = PlaybackStatus.Playing if self._is_playing else PlaybackStatus.Paused
+            self._status = self._status_now(self._known_nanos())
             return PlaybackState(
-                status,
+                self._status,
                 current_time=self._now,
                 playback_speed=self._speed,
                 did_seek=request.seek_time is not None,
                 request_id=request.request_id,
             )
+
+    def _known_nanos(self) -> int:
+        """Return the stamp up to which all that clients subscribe to can be read."""
+        return min([self.end_nanos, *(part.known_nanos for part in self._parts if part.is_begun)])
 
     def _status_now(self, known: int) -> PlaybackStatus:
         if self._now >= self.end_nanos:

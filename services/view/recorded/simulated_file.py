@@ -43,7 +43,7 @@ class SimulatedFile:
         """All messages up to this stamp can be read."""
 
         self._writing = threading.Lock()  # a file cannot be opened while it gets a new end
-        self._is_ended = False
+        self._is_ended = self._has_failed = False
         self._thread: threading.Thread | None = None
 
     @property
@@ -53,8 +53,8 @@ class SimulatedFile:
 
     @property
     def is_begun(self) -> bool:
-        """Whether the simulation was requested."""
-        return self._thread is not None
+        """Whether the simulation was requested and has not failed."""
+        return self._thread is not None and not self._has_failed
 
     def begin(self) -> None:
         """Begin to simulate, unless that was done."""
@@ -77,6 +77,7 @@ class SimulatedFile:
             with Recording(self._recording) as recording:
                 self._write(recording, names)
         except UserError as error:
+            self._has_failed = True
             self._say(f"cannot simulate {names}: {error}")
 
     def _write(self, recording: Recording, names: str) -> None:

@@ -15,7 +15,7 @@ from groundlink.recording import repeated_run
 from groundlink.recording.reader import RecordedMessage, Recording
 from services.view.recorded.foxglove_playback import FoxglovePlayback
 from services.view.recorded.show import ViewedRecording
-from tests.services.view.foxglove_client import BUFFERING, ENDED, Client, joined
+from tests.services.view.foxglove_client import BUFFERING, ENDED, PAUSED, Client, joined
 
 from .test_show import EVERY_KIND, with_second_imu
 
@@ -49,8 +49,14 @@ def simulation(monkeypatch: pytest.MonkeyPatch) -> Simulation:
 
 
 @pytest.fixture
-def playback(simulation: Simulation, tmp_path: Path) -> Iterator[FoxglovePlayback]:
-    lines: list[str] = []
+def lines() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def playback(
+    simulation: Simulation, lines: list[str], tmp_path: Path
+) -> Iterator[FoxglovePlayback]:
     with Recording(EVERY_KIND) as recording:
         run = ViewedRecording(recording, with_second_imu(recording.run.scenario, tmp_path))
         served = FoxglovePlayback(recording, run, tmp_path, "127.0.0.1", 0, lines.append)
@@ -133,6 +139,36 @@ def test_sensor_is_simulated_when_a_client_subscribes_and_playback_waits_for_it(
         client.control(play=False, seek_nanos=imu[5])
         until(playback, client, lambda: stamps(client, "/second")[-1] == imu[5])
     assert simulation.begun == 1
+
+
+def test_paused_client_gets_the_newest_message_once_it_is_simulated(
+    playback: FoxglovePlayback, simulation: Simulation
+) -> None:
+    late = recorded("/imu")[-5]
+    with joined(playback.port) as client:
+        client.subscribe("/second")
+        client.control(play=False, seek_nanos=late)
+        until(playback, client, lambda: (BUFFERING, late) in client.states)
+        assert late not in stamps(client, "/second")
+        simulation.goes_on.set()
+        until(playback, client, lambda: late in stamps(client, "/second"))
+        until(playback, client, lambda: client.states[-1] == (PAUSED, late))
+
+
+def test_playback_goes_on_without_a_sensor_that_cannot_be_simulated(
+    playback: FoxglovePlayback, lines: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*_: object) -> None:
+        raise UserError("no camera here")
+
+    monkeypatch.setattr(repeated_run, "simulated", failing)
+    with joined(playback.port) as client:
+        client.subscribe("/second", "/imu")
+        client.control(play=True)
+        until(playback, client, lambda: (ENDED, playback.end_nanos) in client.states, 0.05)
+        assert stamps(client, "/imu")[-1] == recorded("/imu")[-1]
+        assert stamps(client, "/second") == []
+    assert "view: cannot simulate rover/second: no camera here" in lines
 
 
 def test_port_in_use_is_one_line(
