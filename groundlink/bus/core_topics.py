@@ -63,6 +63,10 @@ class BusTopic:
 STATE = BusTopic(
     *("state", "state", State, "physics", f"{TICK_RATE_HZ} Hz", Delivery.NEWEST), local=True
 )
+FREQUENT_HZ = 50.0
+"""Rate above which a stream is frequent. In real time, frequent readings have each state at once, and
+processes of one machine pass them without the router."""
+
 BATCH_TICKS = 4
 """Ticks between two batches of states: 10 ms. Half as many would save half as much."""
 
@@ -70,6 +74,7 @@ STATE_BATCH = BusTopic(
     # A chunk with an @ matches no wildcard: who subscribes to all keys gets each state once.
     *("state.batch", "state/@batch", StateBatch, "physics"),
     *(f"{TICK_RATE_HZ // BATCH_TICKS} Hz", Delivery.NEWEST),
+    local=True,
 )
 CLOCK = replace(STATE, name="clock", key="clock", message=Clock, rate="time.clock_rate_hz")
 COMMAND = BusTopic(

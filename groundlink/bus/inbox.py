@@ -4,16 +4,17 @@
 `put` runs on a thread of Zenoh and only stores bytes. Decoding happens in the reading thread.
 """
 
+import queue
 import threading
 import time
-from collections import Counter, deque
+from collections import Counter
 from typing import Generic
 
 from groundlink.messages.base import BadBusMessage, M, decode
 
 
 class BusInbox(Generic[M]):
-    """A queue of messages of one or more keys.
+    """A queue of messages of one or more keys, with one reading thread.
 
     Parameters
     ----------
@@ -22,6 +23,7 @@ class BusInbox(Generic[M]):
     """
 
     def __init__(self, *, depth: int) -> None:
+        self.depth = depth
         self.dropped_of: Counter[str] = Counter()
         """Messages dropped because the queue was full, by key."""
 
@@ -29,12 +31,15 @@ class BusInbox(Generic[M]):
         """Messages that did not match their schema."""
 
         self.last_refusal = ""
-        self._waiting: deque[tuple[str, bytes, type[M]]] = deque()
-        self.depth = depth
-        self._arrived = threading.Condition()
+        # A condition would wake the reader before it can have the interpreter's lock.
+        self._waiting: queue.SimpleQueue[tuple[str, bytes, type[M]]] = queue.SimpleQueue()
+        self._first: tuple[str, bytes, type[M]] | None = None
+        """Oldest message, if the reader has waited for it and not yet taken it."""
+
+        self._dropping = threading.Lock()
 
     def __len__(self) -> int:
-        return len(self._waiting)
+        return self._waiting.qsize() + (self._first is not None)
 
     @property
     def dropped(self) -> int:
@@ -43,17 +48,29 @@ class BusInbox(Generic[M]):
 
     def put(self, key: str, payload: bytes, message_type: type[M]) -> None:
         """Store a message's bytes."""
-        with self._arrived:
-            if len(self._waiting) >= self.depth:
-                self.dropped_of[self._waiting.popleft()[0]] += 1
-            self._waiting.append((key, payload, message_type))
-            self._arrived.notify()
+        if self._waiting.qsize() >= self.depth:
+            self._drop_oldest()
+        self._waiting.put((key, payload, message_type))
+
+    def _drop_oldest(self) -> None:
+        with self._dropping:  # several threads put
+            while self._waiting.qsize() >= self.depth:
+                try:
+                    key, _, _ = self._waiting.get_nowait()
+                except queue.Empty:  # the reader has taken all meanwhile
+                    return
+                self.dropped_of[key] += 1
 
     def wait(self, seconds: float) -> None:
         """Wait until a message is in the queue, for at most `seconds`."""
-        with self._arrived:
-            if not self._waiting:
-                self._arrived.wait(seconds)
+        if self._first is None:
+            self._first = self._take(seconds)
+
+    def _take(self, seconds: float) -> tuple[str, bytes, type[M]] | None:
+        try:
+            return self._waiting.get(timeout=max(seconds, 0.0))
+        except queue.Empty:
+            return None
 
     def get(self, *, seconds: float) -> tuple[str, M] | None:
         """Return the oldest message with its key; None after a timeout of `seconds`.
@@ -62,12 +79,11 @@ class BusInbox(Generic[M]):
         """
         deadline = time.monotonic() + seconds
         while True:
-            with self._arrived:
-                while not self._waiting:
-                    remaining = deadline - time.monotonic()
-                    if remaining <= 0 or not self._arrived.wait(remaining):
-                        return None
-                key, payload, message_type = self._waiting.popleft()
+            first = self._first or self._take(deadline - time.monotonic())
+            self._first = None
+            if first is None:
+                return None
+            key, payload, message_type = first
             try:
                 return key, decode(payload, message_type)
             except BadBusMessage as error:

@@ -22,7 +22,8 @@ QUEUED = 4096
 """Messages that wait for a receiver that is too slow for its socket; then the oldest is dropped."""
 
 LARGEST_BYTES = 1 << 17
-"""Largest message. A socket's default buffer has room for it."""
+"""Largest message, for which a socket's default buffer has room. A stream ends with a larger one,
+and the router takes over."""
 
 
 _TIMEOUT = struct.pack("ll", 0, round(WAKE_SECONDS * 1e6))
@@ -102,10 +103,12 @@ class LocalStream:
 
     def send(self, payload: bytes) -> None:
         """Send a message to all that have connected."""
+        if len(payload) > LARGEST_BYTES:
+            self.undeclare()
         try:
             connection, _ = self._listener.accept()
-        except BlockingIOError:
-            pass
+        except OSError:
+            pass  # nobody has connected, or the stream has ended
         else:
             connection.setblocking(True)
             if _is_own(connection):

@@ -75,12 +75,14 @@ def follow_states(
     waited_for
         physics waits for these followers and keeps the states that the bus lost, even the newest.
     """
+    # Where physics waits, nothing may overtake what it has published before a state.
+    local = not waited_for
     states: BusChannel[State] | BusChannel[StateBatch]
     if any(follower.is_urgent for follower in followers):
-        states = bus.channel(STATE.key_in(run_name), State, depth=STATES_KEPT, local=not waited_for)
+        states = bus.channel(STATE.key_in(run_name), State, depth=STATES_KEPT, local=local)
     else:
-        depth = STATES_KEPT // BATCH_TICKS
-        states = bus.channel(STATE_BATCH.key_in(run_name), StateBatch, depth=depth)
+        batches, depth = STATE_BATCH.key_in(run_name), STATES_KEPT // BATCH_TICKS
+        states = bus.channel(batches, StateBatch, depth=depth, local=local)
     episode = _catch_up(bus, run_name, followers)
     heartbeats = [Heartbeat(bus, run_name, f.name, f.claim) for f in followers]
     backoff = Backoff(time.monotonic())

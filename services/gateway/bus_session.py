@@ -10,7 +10,16 @@ from functools import cached_property, partial
 from typing import NamedTuple
 
 from groundlink.bus.control_client import ask_world, send_command
-from groundlink.bus.core_topics import ACK, GATEWAY, HEALTH, PHYSICS, ROOT, STATE, Delivery
+from groundlink.bus.core_topics import (
+    ACK,
+    FREQUENT_HZ,
+    GATEWAY,
+    HEALTH,
+    PHYSICS,
+    ROOT,
+    STATE,
+    Delivery,
+)
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.queries import history_key, link_key
 from groundlink.bus.session import Bus
@@ -27,9 +36,6 @@ from .world_queries import execute_world_query
 
 INBOX_MESSAGES = 4096
 """Messages of the bus that may wait: some seconds of all streams together."""
-
-FREQUENT_HZ = 50.0
-"""Rate above which it takes streams of this machine without the router."""
 
 HISTORY_SECONDS = 20.0
 """Timeout for the memory of a predecessor."""

@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from functools import partial
 from typing import Any
 
-from groundlink.bus.core_topics import ACK
+from groundlink.bus.core_topics import ACK, FREQUENT_HZ
 from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import FAULTS, MISSING_READINGS, sensor_outputs
@@ -43,10 +43,6 @@ from .model import (
 )
 from .reading_ledger import ReadingLedger
 from .runner import SensorProcess
-
-BATCHED_HZ = 50.0
-"""Highest rate of readings for which states may come in batches, each up to 7.5 ms late. Where
-physics waits for its sensors, states may come late for all of them."""
 
 
 class NativeLink:
@@ -185,7 +181,8 @@ def follower(
     if kind.native and (destination := native or getattr(spec, "native", None)):
         link = NativeLink(load_reference(kind.native)(model, spec), destination)
         opened.callback(link.close)
-    is_urgent = scenario.time.mode == "realtime" and spec.message_rate_hz > BATCHED_HZ
+    # Others get states in batches, each up to 7.5 ms late.
+    is_urgent = scenario.time.mode == "realtime" and spec.message_rate_hz > FREQUENT_HZ
     names = {"vehicle": vehicle.name, "sensor": spec.name}
     # All messages of the sensor use one connection, so a participant that has received the sensor's
     # progress has also received its readings. In real time nobody waits for them in this order.

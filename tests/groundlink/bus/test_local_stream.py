@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from groundlink.bus.channel import WAKE_SECONDS
-from groundlink.bus.local_stream import LocalSource, LocalStream
+from groundlink.bus.local_stream import LARGEST_BYTES, LocalSource, LocalStream
 
 
 class Routed:
@@ -160,3 +160,16 @@ def test_a_receiver_that_has_gone_is_forgotten(make: Make) -> None:
     for payload in numbers(1, 3):
         stream.send(payload)
     assert not stream._receivers
+
+
+def test_a_message_that_is_too_large_ends_the_stream(make: Make) -> None:
+    stream, subscriber, late = make(LocalStream), make(Subscriber), make(Subscriber)
+    join(stream, subscriber)
+    large = bytes(LARGEST_BYTES + 1)
+    stream.send(large)
+    assert subscriber.take() == []
+    late.source.found(stream.name)
+    for one in (subscriber, late):
+        one.routed[-1].come.append(large)
+        stream.send(large)
+        assert one.take() == [large]
