@@ -64,8 +64,8 @@ STATE = BusTopic(
     *("state", "state", State, "physics", f"{TICK_RATE_HZ} Hz", Delivery.NEWEST), local=True
 )
 FREQUENT_HZ = 50.0
-"""Rate above which a stream is frequent. In real time, frequent readings have each state at once, and
-processes of one machine pass them without the router."""
+"""Rate above which a stream is frequent. In real time, sensors with frequent readings get each
+state at once, and processes of one machine pass frequent streams without the router."""
 
 BATCH_TICKS = 4
 """Ticks between two batches of states: 10 ms. Half as many would save half as much."""
