@@ -172,6 +172,8 @@ class LocalSource:
 
     def undeclare(self) -> None:
         """Receive no more."""
+        while not self._offered.empty():
+            self._offered.get().close()
         for source in (self._routed, self._local):
             if isinstance(source, socket.socket):
                 source.close()
