@@ -96,8 +96,8 @@ def follow_states(
                     episode = missed_of or state.episode
                 elif waited_for and any(0 <= f.consumer.tick < state.tick - 1 for f in followers):
                     _catch_up(bus, run_name, followers)
+                waiting = len(batch) * (1 + len(states)) - count
                 for follower in followers:
-                    waiting = len(batch) * (1 + len(states)) - count
                     follower.consumer.take(state, waiting)
         elif waited_for and backoff.is_due(time.monotonic()):
             episode = _catch_up(bus, run_name, followers, episode) or episode
