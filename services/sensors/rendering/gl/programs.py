@@ -12,6 +12,7 @@ from services.sensors.rendering.look.lights import Lighting
 from services.sensors.rendering.look.textures import BRIGHTEST
 
 from .shaders import shader
+from .target import FINER
 
 BASE, BUMPS, SHADOWS, HEIGHTS, CELLS, KINDS, PATTERNS = range(7)
 """Texture units."""
@@ -28,6 +29,8 @@ class Pass(NamedTuple):
     """For meshes with normal maps."""
 
     sky: moderngl.Program
+    """Draws the sky; if colors have several samples, it averages them, too."""
+
     ground: moderngl.Program | None
     """For terrain, if there is any."""
 
@@ -48,6 +51,7 @@ def programs(
     light: Lighting,
     truths: Sequence[bool],
     *,
+    samples: int,
     ground: int = 0,
     soils: bool = False,
 ) -> Programs:
@@ -57,6 +61,8 @@ def programs(
     ----------
     truths
         For each pass, whether it draws depth and labels instead of colors.
+    samples
+        Color samples per pixel: a key of `FINER`.
     ground
         Number of the terrain's materials; 0 without terrain.
     soils
@@ -82,7 +88,9 @@ def programs(
         Pass(
             surface=made("surface", "surface", TRUTH=truth),
             bumped=made("surface", "surface", TRUTH=truth, BUMPS=True),
-            sky=made("sky", "sky", TRUTH=truth),
+            sky=made("sky", "sky", TRUTH=truth)
+            if truth or samples == 1
+            else made("sky", "resolve", FINER=FINER[samples]),
             ground=made("ground", "surface", TRUTH=truth, GROUND=ground, SOILS=soils)
             if ground
             else None,

@@ -100,7 +100,9 @@ class Renderer:
         self._targets = [target for target in (self._color, self._truth) if target]
         truths = [target.truth for target in self._targets]
         has_soils = "soils" in layers
-        self._programs = programs(context, light, truths, ground=kinds, soils=has_soils)
+        self._programs = programs(
+            context, light, truths, samples=samples, ground=kinds, soils=has_soils
+        )
         self._skies = [context.vertex_array(one.sky, []) for one in self._programs.passes]
         self.labels = Labels(
             {solid.name for solid in world.solids},
@@ -221,7 +223,7 @@ class Renderer:
                 self._ground.draw(number, clip_from_world, eye, focal_px)
             self._context.disable(moderngl.CULL_FACE)
             self._context.depth_func = "<="  # the sky has the depth of an empty buffer
-            self._skies[number].render(vertices=3)
+            target.end(self._skies[number])
         frame = self._nothing
         if self._color:
             frame = replace(frame, color=self._color.read())

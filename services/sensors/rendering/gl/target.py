@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
 
-from .shaders import shader
-
 Number = TypeVar("Number", bound=np.generic)
 
 Layer = Literal["color", "depth", "labels", "soils"]
@@ -78,30 +76,28 @@ class ColorTarget:
         self._frame = context.framebuffer(
             [self._drawn], context.depth_renderbuffer(size, samples=at_once)
         )
-        self._read, self._resolve = self._frame, None
-        if at_once:
-            self._read = context.framebuffer([context.texture((width, height), 4)])
-            resolve = context.program(
-                vertex_shader=shader("screen.vert"),
-                fragment_shader=shader("resolve.frag", FINER=finer),
-            )
-            self._resolve = context.vertex_array(resolve, [])
+        self._resolved = (
+            context.framebuffer([context.texture((width, height), 4)]) if at_once else None
+        )
         self._shape = height, width, 3
 
     def begin(self) -> None:
-        """Clear the depth. Colors need no clearing: the sky covers what nothing else covers."""
+        """Clear depth and colors: an alpha of 0 stands for no surface."""
         self._frame.use()
         self._frame.clear()
 
-    def read(self) -> NDArray[np.uint8]:
-        """Return the picture."""
-        if self._resolve:
-            self._read.use()
+    def end(self, sky: moderngl.VertexArray) -> None:
+        """Draw the sky behind the surfaces, and average the samples."""
+        if self._resolved:
+            self._resolved.use()
             self._context.disable(moderngl.DEPTH_TEST)
             self._drawn.use(0)
-            self._resolve.render(vertices=3)
+        sky.render(vertices=3)
+
+    def read(self) -> NDArray[np.uint8]:
+        """Return the picture."""
         color = np.empty(self._shape, np.uint8)
-        return _read_only(self._read, color, components=3)
+        return _read_only(self._resolved or self._frame, color, components=3)
 
 
 class TruthTarget:
@@ -151,6 +147,10 @@ class TruthTarget:
     def end_part(self) -> None:
         """Draw everywhere again."""
         self._frame.scissor = 0, 0, *self._size
+
+    def end(self, sky: moderngl.VertexArray) -> None:
+        """Draw the sky behind the surfaces."""
+        sky.render(vertices=3)
 
     def read(self) -> tuple[NDArray[np.float32], NDArray[np.int32] | None]:
         """Return depth, and labels if they are drawn."""

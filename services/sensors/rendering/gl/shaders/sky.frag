@@ -1,11 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws the sky and the sun.
+// Draws the sky.
 
-uniform vec3 horizon;
-uniform vec3 zenith;
-uniform vec4 light_at[LIGHTS];
-uniform vec3 light_power[LIGHTS];
-uniform float exposure;
 in vec3 ray;
 #ifdef TRUTH
 layout(location = 0) out float depth;
@@ -18,15 +13,7 @@ void main() {
 #else
 layout(location = 0) out vec4 color;
 
-#include "developed.glsl"
+#include "sky.glsl"
 
-void main() {
-    vec3 d = normalize(ray);
-    vec3 c = mix(horizon, zenith, sqrt(clamp(d.z, 0.0, 1.0)));
-#ifdef SUN
-    float near = max(dot(d, light_at[0].xyz), 0.0);
-    c += light_power[0] * (0.15 * pow(near, 60.0) + 20.0 * step(0.99996, near));
-#endif
-    color = vec4(developed(c), 1.0);
-}
+void main() { color = vec4(sky(ray), 1.0); }
 #endif
