@@ -77,15 +77,13 @@ def _ziggurat() -> _Ziggurat:
     # The lowest layer is a box with the tail; the others end where their lower edge is the curve.
     ends = [area / math.exp(-right * right / 2), right]
     while len(ends) < LAYERS:
-        height = area / ends[-1] + math.exp(-ends[-1] * ends[-1] / 2)
-        ends.append(math.sqrt(-2 * math.log(height)))
-    order = [0, *range(LAYERS - 1, 0, -1)]
-    width = np.array(ends)[order]
-    inner = np.array([*ends[1:], 0.0])[order]
-    height = np.array([1.0, *np.exp(-width[1:] ** 2 / 2)])
+        edge = area / ends[-1] + math.exp(-ends[-1] * ends[-1] / 2)
+        ends.append(math.sqrt(-2 * math.log(edge)))
+    layers = [0, *range(LAYERS - 1, 0, -1)]
+    inner = [*ends[1:], 0.0]
     return _Ziggurat(
-        (c_uint32 * LAYERS)(*np.rint(inner / width * whole).astype(np.uint32).tolist()),
-        (c_float * LAYERS)(*(width / whole).tolist()),
-        (c_float * LAYERS)(*height.tolist()),
+        (c_uint32 * LAYERS)(*(round(inner[layer] / ends[layer] * whole) for layer in layers)),
+        (c_float * LAYERS)(*(ends[layer] / whole for layer in layers)),
+        (c_float * LAYERS)(1.0, *(math.exp(-(ends[layer] ** 2) / 2) for layer in layers[1:])),
         *(right, 1 / right),
     )

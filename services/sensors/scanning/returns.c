@@ -209,9 +209,8 @@ static INLINED void report(const struct receiver *receiver, const struct reporte
         const struct band *band = band_at(receiver->bands, intensity[i], reported->range[i]);
         dropout[i] += (1 - dropout[i]) * band->dropout;
         if (band->stddev > 0)
-            stddev[i] = stddev[i] > 0
-                            ? sqrtf(stddev[i] * stddev[i] + band->stddev * band->stddev)
-                            : band->stddev;
+            stddev[i] = stddev[i] > 0 ? sqrtf(stddev[i] * stddev[i] + band->stddev * band->stddev)
+                                      : band->stddev;
     }
     for (size_t i = 0; receiver->sun && i < count; i++) {
         const float power = reported->power[i];

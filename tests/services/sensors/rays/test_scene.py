@@ -132,6 +132,31 @@ def test_poses_count_at_the_instant_of_the_ray(engine: type[RayEngine]) -> None:
     np.testing.assert_allclose(hits.range_m[50], 1.995, atol=1e-6)
 
 
+@pytest.mark.parametrize("turned", [0.5, 1.4, 3.0])
+def test_a_long_body_is_met_wherever_it_turns(turned: float, engine: type[RayEngine]) -> None:
+    """Two rods of one shape turn about their middles: rays straight down follow their ends."""
+    shape = Box(size_m=(4.0, 0.02, 0.02))
+    rods = [
+        merged([Solid(name=f"rod{n}", shape=shape, material="m")], first_label=5 + n)
+        for n in range(2)
+    ]
+    scene = Scene(merged([]), rods, engine)
+    share = np.linspace(0, 1, STEPS)
+    poses = np.zeros((STEPS, 2, 7))
+    poses[:, 1, 2] = -1.0
+    poses[:, :, 5], poses[:, :, 6] = (f(turned * share / 2)[:, None] for f in (np.sin, np.cos))
+    scene.move(poses)
+    times = np.linspace(0, 1, 200).astype(np.float32)
+    above = 1.9 * np.cos(turned * times), 1.9 * np.sin(turned * times), np.full(200, 5.0)
+    below = above[0], above[1], np.full(200, -5.0)
+    for origins, upwards, rod in ((above, -1, 0), (below, 1, 1)):
+        directions = np.tile(np.array([[0], [0], [upwards]], np.float32), (1, 200))
+        hits = scene.cast(np.array(origins, np.float32), directions, times, 10.0)
+        np.testing.assert_allclose(hits.range_m, 4.99 - rod, atol=1e-5)
+        assert set(hits.label.tolist()) == {5 + rod}
+        assert set(hits.body.tolist()) == {rod}
+
+
 def test_alone_and_in_packets(engine: type[RayEngine]) -> None:
     """Embree follows a lone ray and eight together in different ways."""
     rng = np.random.default_rng(3)

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from services.sensors.noise.random_streams import RandomStreams
+from services.sensors.scanning.draws import RevolutionDraws
 from tests.services.sensors.lidar import rooms
 
 from . import targets
@@ -28,6 +30,15 @@ def errors(**spec: Any) -> tuple[np.ndarray, np.ndarray]:
     assert seen.returned.all()
     assert seen.true_range_m.min() == pytest.approx(20.0, abs=1e-4)
     return (seen.range_m - seen.true_range_m)[0].astype(np.float64), seen.true_range_m[0]
+
+
+def test_numbers_are_those_of_numpy() -> None:
+    streams = RandomStreams(7, "rover/lidar")
+    for tick, count in ((0, 57_600), (40, 7), (2**40, 1_000_000)):
+        drawn = RevolutionDraws(streams).normals("range", tick, (count,))
+        expected = streams.at("range", tick).standard_normal(count, np.float32)
+        np.testing.assert_array_equal(drawn, expected)
+    assert np.abs(drawn).max() > 3.66  # beyond the lowest layer
 
 
 def test_without_errors_ranges_are_exact() -> None:
