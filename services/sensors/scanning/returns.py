@@ -34,7 +34,7 @@ from .weather import Atmosphere
 
 
 class Returns(NamedTuple):
-    """Returns of some firings of a revolution, until the next ones are measured.
+    """Returns of some firings of a revolution.
 
     All arrays have the shape (returns, lasers, firings), lasers in the order in which they fire. Of
     the first axis 0 is the return that the device reports first; with `returns: dual` 0 is the last
@@ -153,7 +153,6 @@ class LidarReceiver:
         self._reflectance = np.append(reflectance, np.float32(0))  # of hits on nothing
         blooming = stray.blooming if reflectance.max(initial=0) > 1 else None
         # Allocated once: pages of new memory cost more than the computation.
-        self._returns: dict[int, Returns] = {}
         self._echoes = np.empty(0 if blooming is None else lasers * firings * ECHO_BYTES, np.uint8)
         self._structure = _Receiver(
             *(lasers, firings, spec.rays_per_beam),
@@ -172,8 +171,6 @@ class LidarReceiver:
     def measure(self, hits: Hits, rays: Rays, firings: range, tick: int) -> Returns:
         """Return the device's measurements of hits.
 
-        The arrays are overwritten by the next call for as many firings.
-
         Parameters
         ----------
         hits : Hits
@@ -184,12 +181,10 @@ class LidarReceiver:
         tick : int
             Keys the random numbers of the revolution.
         """
-        made = self._returns.get(len(firings))
-        if made is None:
-            shape = *self._shape[:2], len(firings)
-            dtypes = np.float32, np.bool_, np.float32, np.float32, *[np.int32] * 3
-            made = Returns._make(np.empty(shape, dtype) for dtype in dtypes)
-            self._returns[len(firings)] = made
+        returns, lasers, _ = self._shape
+        shape = returns, lasers, len(firings)
+        dtypes = np.float32, np.bool_, np.float32, np.float32, *[np.int32] * 3
+        made = Returns._make(np.empty(shape, dtype) for dtype in dtypes)
         met = rays.origins_in_world, rays.directions_in_world, hits.range_m, hits.normal_in_world
         drawn = self._drawn(tick)
         kernels().groundlink_returns(

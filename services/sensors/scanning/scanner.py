@@ -10,7 +10,6 @@ A block is left out and marked when, by the number of waiting states, it is due 
 surface nearer than the minimum range gives no return and hides what is behind it.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -199,10 +198,8 @@ class Scanner:
             return -1
         return min(self._tick, self.blocks.first_tick(self._block))
 
-    def take(self, state: State) -> Iterator[Scan | LeftOut]:
-        """Take the state of the next tick and yield the blocks that it completes, oldest first.
-
-        A scan is to be used before the next one is taken: its arrays may be overwritten.
+    def take(self, state: State) -> list[Scan | LeftOut]:
+        """Take the state of the next tick and return the blocks that it completes, oldest first.
 
         Raises
         ------
@@ -217,24 +214,27 @@ class Scanner:
         self._tick = state.tick
         if self._block < 0:
             self._begin(self.blocks.after(state.tick * TICK_NANOS))
+        scans: list[Scan | LeftOut] = []
         while self._end_tick <= state.tick:
             blocks = range(self._block, self.blocks.complete_by(state.tick, self._block))
             again_tick = self.blocks.end_tick(self._block + self.blocks.per_revolution)
             if again_tick <= state.tick + self._waiting:
-                yield from (LeftOut(self.blocks.nanos(block), "overloaded") for block in blocks)
+                scans += [LeftOut(self.blocks.nanos(block), "overloaded") for block in blocks]
             else:
-                yield from self._scans(blocks)
+                scans += self._scans(blocks)
             self._begin(blocks.stop)
+        return scans
 
     def _begin(self, block: int) -> None:
         self._block, self._end_tick = block, self.blocks.end_tick(block)
         self.replica.forget(self.blocks.first_tick(block))
 
-    def _scans(self, blocks: range) -> Iterator[Scan]:
-        """Measure blocks of one revolution, with one cast, and yield them."""
+    def _scans(self, blocks: range) -> list[Scan]:
+        """Measure blocks of one revolution, with one cast."""
         revolution, firings = self.blocks.firings(blocks)
         firings = self.blocks.cast(firings)
         cast = self.measure(revolution, firings)
+        scans = []
         for block in blocks:
             _, own = self.blocks.firings(range(block, block + 1))
             of_cast = slice(own.start - firings.start, own.stop - firings.start)
@@ -243,7 +243,8 @@ class Scanner:
                 truth = self._true_view.see(cast, of_cast, nanos)
             poses = self.replica.at(nanos) if self._has_labels else None
             of_rays = own, self.sweep.directions_in_sensor
-            yield Scan(nanos, revolution, *of_rays, cast.returns.of(of_cast), truth, poses)
+            scans.append(Scan(nanos, revolution, *of_rays, cast.returns.of(of_cast), truth, poses))
+        return scans
 
     def measure(self, revolution: int, firings: range) -> Cast:
         """Return the measurements of firings of a revolution."""
