@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /* Bullet by its C API: motion, contacts and forces of all vehicles in one call each.
  *
- * PyBullet's library exports the C API but keeps its handle of a world to itself. Bullet gives a plugin a
- * handle of the world that loads it, so this library is a plugin that keeps the handle. Names and
- * layouts are those of PhysicsClientC_API.h, SharedMemoryPublic.h and plugins/b3PluginAPI.h of
+ * PyBullet's library exports the C API but keeps its handle of a world to itself. Bullet gives a
+ * plugin a handle of the world that loads it, so this library is a plugin that keeps the handle. Names
+ * and layouts are those of PhysicsClientC_API.h, SharedMemoryPublic.h and plugins/b3PluginAPI.h of
  * bullet3.
  */
 
