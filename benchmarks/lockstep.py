@@ -2,11 +2,11 @@
 """Speed of a run in lockstep, and the cost of its waiting: `python -m benchmarks.lockstep`.
 
 Runs what `groundlink up` starts for the default scenario in fast mode, first without and then with
-its camera, and a plain receiver in the place of ROS. One run has many episodes, each from a reset to
-the slowest process's acknowledgement of the last tick. Every other episode is free: with the same
-processes and states, but physics waits for acknowledgements only before the last tick. A loss in
-any episode fails the benchmark. Processor time is that of all processes but the router, which is in
-this one.
+its camera, and a plain receiver in the place of ROS. One run has many episodes, each from a reset
+to the slowest process's acknowledgement of the last tick. Every other episode is free: with the
+same processes and states, but physics waits for acknowledgements only before the last tick. A loss
+in any episode fails the benchmark. Processor time is that of all processes but the router, which is
+in this one.
 """
 
 import argparse
@@ -86,7 +86,7 @@ def physics() -> None:
     from services.physics import __main__
     from services.physics.run import episode as episodes
     from services.physics.run import pacer
-    from services.physics.run.participants import AckRequirement
+    from services.physics.run.participants import Allowance
 
     round_number = itertools.count()
     original = pacer.pacer_for
@@ -96,8 +96,13 @@ def physics() -> None:
     ) -> pacer.StepPacer:
         free = next(round_number) % 2
 
-        def window(ticks: int) -> AckRequirement:
-            return lambda tick: TICKS if tick > TICKS else -1 if free else tick - ticks
+        def window(ticks: int) -> Allowance:
+            def allowed(reached: int) -> int:
+                if reached >= TICKS:
+                    return reached + ticks
+                return TICKS if free else min(reached + ticks, TICKS)
+
+            return allowed
 
         pacer.window = window  # type: ignore[attr-defined]
         return original(scenario, episode, required)

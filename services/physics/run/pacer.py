@@ -116,11 +116,11 @@ def pacer_for(scenario: Scenario, episode: int, required: Sequence[str]) -> Step
             most = 0.0
         wall_clock = WallClock(time.factor, at_once, slew=time.catch_up, most_debt_seconds=most)
         return StepPacer(wall_clock, Participants(dict.fromkeys(present, ahead), episode=episode))
-    requirements = dict.fromkeys((*scenario.sensor_names(), *required), ahead)
-    requirements |= dict.fromkeys(driver_names(scenario), window(DRIVER_WINDOW_TICKS))
+    allowances = dict.fromkeys((*scenario.sensor_names(), *required), ahead)
+    allowances |= dict.fromkeys(driver_names(scenario), window(DRIVER_WINDOW_TICKS))
     if time.lockstep == "ros":
-        requirements[GATEWAY] = barriers(time.ack_ticks)
-    participants = Participants(requirements, needed=requirements, of_others=ahead, episode=episode)
+        allowances[GATEWAY] = barriers(time.ack_ticks)
+    participants = Participants(allowances, needed=allowances, of_others=ahead, episode=episode)
     if time.lockstep == "ros":
         # The gateway acknowledges nothing before it has the first state.
         participants.acknowledged(GATEWAY, Ack(episode, -1, -1))

@@ -4,28 +4,29 @@
 Ticks and acknowledgements come in as arguments; nothing here reads a clock.
 """
 
+import sys
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 
 from groundlink.episode.checkpoint import Checkpoint
 from groundlink.messages.base import Ack
 
-AckRequirement = Callable[[int], int]
-"""Returns the tick that a process must have acknowledged before physics steps to a given tick."""
+Allowance = Callable[[int], int]
+"""Returns the last tick that physics may step to when a process has acknowledged a given tick."""
 
 
-def window(ticks: int) -> AckRequirement:
+def window(ticks: int) -> Allowance:
     """Let physics be this many ticks ahead."""
-    return lambda tick: tick - ticks
+    return lambda reached: reached + ticks
 
 
-def barriers(period_ticks: int) -> AckRequirement:
+def barriers(period_ticks: int) -> Allowance:
     """Let physics leave a barrier (ticks 0, period, 2 periods...) when it is acknowledged.
 
     So a command that was sent by then acts in the next step, however slow machines and networks
     are.
     """
-    return lambda tick: (tick - 1) // period_ticks * period_ticks
+    return lambda reached: (reached // period_ticks + 1) * period_ticks
 
 
 class Participants:
@@ -33,13 +34,13 @@ class Participants:
 
     Parameters
     ----------
-    requirements
-        what each named process must have acknowledged.
+    allowances
+        what each named process allows.
     needed
         those of them that physics waits for before their first acknowledgement and after they left.
     of_others
-        what any other process must have acknowledged, from its first acknowledgement until it
-        leaves; None: nothing.
+        what any other process allows, from its first acknowledgement until it leaves; None:
+        everything.
     episode
         of the run; acknowledgements of another one do not count.
 
@@ -51,24 +52,27 @@ class Participants:
 
     def __init__(
         self,
-        requirements: Mapping[str, AckRequirement],
+        allowances: Mapping[str, Allowance],
         *,
         needed: Collection[str] = (),
-        of_others: AckRequirement | None = None,
+        of_others: Allowance | None = None,
         episode: int,
     ) -> None:
-        self._requirements = dict(requirements)
+        self._allowances = dict(allowances)
         self._needed = frozenset(needed)
         self._of_others = of_others
         self._episode = episode
         self._reached: dict[str, int] = {}
         self.absent: frozenset[str] = frozenset()
+        self._free_until = -1
+        """The last tick that no process holds up, if that is known."""
 
     def acknowledged(self, process: str, ack: Ack) -> None:
         """Record how far a process has come in this episode."""
-        if ack.episode == self._episode and (process in self._requirements or self._of_others):
+        if ack.episode == self._episode and (process in self._allowances or self._of_others):
             self._reached[process] = ack.tick
             self.absent -= {process}
+            self._free_until = -1
 
     def has_followed(self, process: str) -> bool:
         """Return whether a process has acknowledged a state of this episode."""
@@ -79,28 +83,37 @@ class Participants:
         if process not in self._needed:
             self._reached.pop(process, None)
             self.absent -= {process}
+            self._free_until = -1
 
     def only(self, wanted: Collection[str]) -> None:
-        """Drop the requirements of all processes but these."""
-        for process in self._requirements.keys() - wanted:
-            del self._requirements[process]
+        """Wait for none of the named processes but these."""
+        for process in self._allowances.keys() - wanted:
+            del self._allowances[process]
             self._reached.pop(process, None)
+        self._free_until = -1
         self._needed &= frozenset(wanted)
         self.absent &= frozenset(self._reached) | self._needed
 
     def mark_absent(self, process: str) -> None:
         """Stop waiting for a process until it acknowledges again."""
         self.absent |= {process}
+        self._free_until = -1
 
     def missing(self, tick: int) -> list[str]:
         """Return the processes that hold up the step to `tick`."""
+        if tick <= self._free_until:
+            return []
         names = (self._needed | self._reached.keys()) - self.absent
-        return sorted(name for name in names if self._lacks(name, tick))
+        allowed = {name: self._allowed_by(name) for name in names}
+        self._free_until = min(allowed.values(), default=sys.maxsize)
+        return sorted(name for name, last in allowed.items() if last < tick)
 
-    def _lacks(self, process: str, tick: int) -> bool:
-        reached = self._reached.get(process)
-        requirement = self._requirements.get(process, self._of_others)
-        return reached is None or (requirement is not None and reached < requirement(tick))
+    def _allowed_by(self, process: str) -> int:
+        """Return the last tick that a process allows; -1 before its first acknowledgement."""
+        if (reached := self._reached.get(process)) is None:
+            return -1
+        allowance = self._allowances.get(process, self._of_others)
+        return sys.maxsize if allowance is None else allowance(reached)
 
 
 NO_COMMAND = (-1, 0)

@@ -18,8 +18,8 @@ EPISODE = 7
 @pytest.fixture
 def participants() -> Participants:
     """Return what a run in lockstep waits for."""
-    requirements = dict.fromkeys(("rover/imu", "rover/lidar"), window(100))
-    return Participants(requirements, needed=requirements, of_others=window(50), episode=EPISODE)
+    allowances = dict.fromkeys(("rover/imu", "rover/lidar"), window(100))
+    return Participants(allowances, needed=allowances, of_others=window(50), episode=EPISODE)
 
 
 @pytest.fixture
@@ -115,8 +115,8 @@ def test_removed_participant_is_not_awaited(participants: Participants) -> None:
 
 
 def test_a_step_in_which_a_drivers_command_acts_waits_for_that_command() -> None:
-    requirements = {"rover/driver": window(DRIVER_WINDOW_TICKS)}
-    participants = Participants(requirements, needed=requirements, episode=EPISODE)
+    allowances = {"rover/driver": window(DRIVER_WINDOW_TICKS)}
+    participants = Participants(allowances, needed=allowances, episode=EPISODE)
     assert participants.missing(1)
     for answered in range(-DRIVER_PERIOD_TICKS, 80, DRIVER_PERIOD_TICKS):
         ack(participants, "rover/driver", answered)
