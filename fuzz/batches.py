@@ -91,7 +91,7 @@ class Inboxes:
         found = []
         delivered = self._batched.small_topics.delivered
         until = self._batched.datagrams + count
-        while self._batched.datagrams + len(delivered) < until:
+        while self._batched.datagrams + sum(one.parts for one in delivered) < until:
             slots, credits = self._batched.predict_slots()
             batch = self._socket.receive_batch(slots, credits)
             assert batch is not None, "a datagram was lost on loopback"

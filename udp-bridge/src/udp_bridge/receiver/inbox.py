@@ -18,11 +18,12 @@ from udp_bridge.wire.types import CONTROL, REPAIR, RESEND, ROS_TYPES
 
 from .delivery import message_of
 from .delivery_reports import Answer, DeliveryReports, SentReport
-from .limits import Limits
+from .limits import Limits, TopicState
+from .ordering import key_of
 from .peers import Peer, PeerTable
 from .reassembly import Reassembler
 from .receive_slots import CreditState, PartBatch, ReceiveSlots, SlotPredictor
-from .small_topics import SmallTopics
+from .small_topics import DeliveredMessage, SmallTopics, Source
 
 CREDIT_SHARE = 8
 """A Credit is due at the latest when one part in this many of the receive buffer has arrived."""
@@ -80,6 +81,7 @@ class Inbox:
         self._peers = PeerTable(self.reassembler.limits.senders)
         self._predictor = SlotPredictor(self.reassembler.pool)
         self.small_topics = SmallTopics()
+        self._whole_topic: Optional[TopicState] = None  # of the predicted slots
 
     @property
     def last_reports(self) -> List[SentReport]:
@@ -139,10 +141,14 @@ class Inbox:
     def predict_slots(self) -> Tuple[ReceiveSlots, CreditState]:
         """Return where to receive the next parts, and how to acknowledge them: for a batch."""
         slots = self._predictor.predict()
+        self._whole_topic = None
+        if slots.arrived and not slots.is_open:
+            key, size = self._predictor.topic_key, slots.part_size * len(slots.arrived)
+            self._whole_topic = self.reassembler.whole_topic(slots.sender, key, size)
         peer = self._peers.get(slots.sender) if slots.arrived else None
         if peer is None:
             return slots, CreditState(0, self.receive_buffer, 0)
-        number = peer.numbering.next(CONTROL, self._predictor.topic, 0)
+        number = peer.numbering.next(CONTROL, self._predictor.topic_key[1], 0)
         return slots, CreditState(
             peer.uncredited_bytes, self.receive_buffer, number, peer.last_goodput
         )
@@ -154,13 +160,17 @@ class Inbox:
 
         A message is yielded before the rest of what follows its delivery.
         """
-        if batch.part_ranges or batch.mailbox_credits:
+        whole = self._whole_message(slots, batch)
+        if whole is not None:
+            yield whole, None, slots.sender
+            self._record_whole(whole, slots, batch, now_nanos)
+        elif batch.part_ranges or batch.mailbox_credits:
             self._record_delivered()
         if batch.mailbox_credits:
             self._count_mailbox_credits(batch, now_nanos)
         if batch.is_delegation_done:
             self._on_delegation_done()
-        if batch.part_ranges:
+        if batch.part_ranges and whole is None:
             yield from self._receive_parts(slots, batch, now_nanos)
         if batch.refused:
             self.refuse(batch.refused)
@@ -168,6 +178,43 @@ class Inbox:
             assert batch.unmatched_sender is not None
             one = self.receive(memoryview(batch.unmatched), batch.unmatched_sender, now_nanos)
             yield (*one, batch.unmatched_sender)
+
+    def _whole_message(self, slots: ReceiveSlots, batch: PartBatch) -> Optional[Message]:
+        """Return the message of a batch that holds all its parts, if it is to be delivered."""
+        topic = self._whole_topic
+        if (
+            topic is None
+            or batch.uncredited_bytes
+            or batch.part_ranges != ((0, len(slots.arrived)),)
+        ):
+            return None
+        message = self._predictor.message_of(slots, batch)
+        return message if topic.order.is_next(message.msg_type, key_of(message)) else None
+
+    def _record_whole(
+        self, message: Message, slots: ReceiveSlots, batch: PartBatch, now_nanos: int
+    ) -> None:
+        """Do what the next message needs; `_record_delivered` does the rest."""
+        topic, self._whole_topic = self._whole_topic, None
+        assert topic is not None
+        topic.order.record_next(key_of(message), now_nanos)
+        self.reassembler.pool.take_offered(slots.block, slots.part_size * len(slots.arrived))
+        self._predictor.on_complete(batch)
+        source = Source(slots.sender, (message.msg_type, message.topic), message.link)
+        body_size, parts = len(message.body), message.parts
+        size = body_size + parts * len(batch.header)
+        self.small_topics.delivered.append(
+            DeliveredMessage(source, key_of(message), body_size, parts, size, now_nanos)
+        )
+        peer = self._peers.record(slots.sender, now_nanos)
+        peer.uncredited_bytes = 0
+        self._count_credits(message.topic, peer, batch.credits_sent)
+
+    def _count_credits(self, topic: str, peer: Peer, count: int) -> None:
+        """Count Credits that the socket sent itself."""
+        peer.numbering.next(CONTROL, topic, count)
+        self.socket_answers += count
+        self.socket_answer_bytes += count * (_header_size(topic) + _CREDIT_BODY)
 
     def _count_mailbox_credits(self, batch: PartBatch, now_nanos: int) -> None:
         """Count Credits that the socket put into the sender's mailbox like all others."""
@@ -202,13 +249,11 @@ class Inbox:
         if slots.debounce_nanos:
             peer.last_goodput = peer.goodput(now_nanos)
         if batch.credits_sent:
-            peer.numbering.next(CONTROL, header.topic, batch.credits_sent)
-            self.socket_answers += batch.credits_sent
-            self.socket_answer_bytes += batch.credits_sent * (_header_size(header) + _CREDIT_BODY)
+            self._count_credits(header.topic, peer, batch.credits_sent)
         if batch.nack_bitmap:
             self.requests_sent += 1
             self.socket_answers += 1
-            self.socket_answer_bytes += _header_size(header) + _REQUEST_BODY
+            self.socket_answer_bytes += _header_size(header.topic) + _REQUEST_BODY
             self.socket_answer_bytes += len(batch.nack_bitmap)
         peer.uncredited_bytes = batch.uncredited_bytes
         credit = None
@@ -269,12 +314,12 @@ class Inbox:
         if not delivered:
             return
         self.reassembler.log_delivered()
-        for topic, message, size, now_nanos in delivered:
-            peer = self._peers.record(topic.sender, now_nanos)
-            peer.goodput_bytes += size
-            self.bytes_received += size
-            self.reassembler.record(topic, message, now_nanos)
-        self.datagrams += len(delivered)
+        for one in delivered:
+            peer = self._peers.record(one.source.sender, one.now_nanos)
+            peer.goodput_bytes += one.size
+            self.datagrams += one.parts
+            self.bytes_received += one.size
+            self.reassembler.record(one)
         self.reassembler.expire(delivered[-1].now_nanos)
         delivered.clear()
 
@@ -339,9 +384,9 @@ class Inbox:
         return message_of(header, body), None
 
 
-def _header_size(header: Header) -> int:
+def _header_size(topic: str) -> int:
     """Return the size of an answer's header."""
-    return header_size(len(header.topic.encode()))
+    return header_size(len(topic.encode()))
 
 
 def _ignore(*_: object) -> None:

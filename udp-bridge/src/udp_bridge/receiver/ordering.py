@@ -128,17 +128,24 @@ class TopicOrder:
         """
         self._last_delivery_nanos = now_nanos
 
-    def deliver_next(self, header: Header, now_nanos: int) -> bool:
-        """Fast path: deliver and finish a message if its number is the next one.
+    def is_next(self, msg_type: int, key: MessageKey) -> bool:
+        """Tell whether a message is the next one and may be delivered.
 
-        The next number means no restart, no gap and no late message. Returns whether it was.
+        The next number means no restart, no gap and no late message.
         """
+        number, stamp_nanos = key
+        return (
+            self._last_seq is not None
+            and number == (self._last_seq + 1) % SEQ_NUMBERS
+            and key not in self._finished
+            and (stamp_nanos >= self._last_stamp or msg_type not in STAMP_ORDERED)
+        )
+
+    def deliver_next(self, header: Header, now_nanos: int) -> bool:
+        """Fast path: deliver and finish a message if it is the next one; return whether it is."""
         msg_type, seq_number, _, _, sec, nsec, _, _ = header
-        if self._last_seq is None or seq_number != (self._last_seq + 1) % SEQ_NUMBERS:
-            return False
-        stamp = sec * NANOS + nsec
-        key = (seq_number, stamp)
-        if key in self._finished or (stamp < self._last_stamp and msg_type in STAMP_ORDERED):
+        key = (seq_number, sec * NANOS + nsec)
+        if not self.is_next(msg_type, key):
             return False
         self.record_next(key, now_nanos)
         return True

@@ -26,7 +26,7 @@ from .nack import Nack, NackTracker
 from .ordering import MessageKey, key_of
 from .pool import BlockPool
 from .receive_slots import PartBatch, ReceiveSlots
-from .small_topics import SmallTopic
+from .small_topics import DeliveredMessage
 
 _NOT_DELIVERED = (control.CreditRequest, control.AddressChallenge, control.AddressResponse)
 
@@ -257,13 +257,34 @@ class Reassembler:
             return None
         return topic if topic.order.is_at_end(header) else None
 
-    def record(self, small: SmallTopic, message: Message, now_nanos: int) -> None:
-        """Apply the rules to a message of a steady topic that its user has got already."""
-        topic = self._senders.topic(small.sender, small.key)
-        topic.order.record_next(key_of(message), now_nanos)
-        topic.link = message.link
+    def whole_topic(self, sender: Hashable, key: TopicKey, size: int) -> Optional[TopicState]:
+        """Return the topic of a predicted message that is delivered if it arrives whole and next.
+
+        `size` is what it announces. The topic may be asked until the next datagram is taken.
+        """
+        topic = self._senders.find(sender, key)
+        if (
+            topic is None
+            or topic.nacks is not None
+            or topic.small is not None
+            or not topic.sender.is_proven
+            or not self._senders.fits_alone(size)
+        ):
+            return None
+        return topic
+
+    def record(self, message: DeliveredMessage) -> None:
+        """Apply the rules to a message that its user has got already.
+
+        The order of a message of several parts was recorded before.
+        """
+        source = message.source
+        topic = self._senders.topic(source.sender, source.key)
+        if message.parts == 1:
+            topic.order.record_next(message.key, message.now_nanos)
+        topic.link = source.link
         self.counters.messages += 1
-        topic.log.mark_delivered(key_of(message), len(message.body))
+        topic.log.mark_delivered(message.key, message.body_size)
 
     def _topic(self, sender: Hashable, key: TopicKey) -> TopicState:
         """Return the topic of a datagram that takes the ordinary path, as the one used last."""

@@ -19,7 +19,7 @@ from udp_bridge.wire.header import (
     TIME_OFFSET,
     Header,
 )
-from udp_bridge.wire.message import Address
+from udp_bridge.wire.message import Address, Message, TopicKey
 
 from .assembly import Assembly
 from .nack import NackTracker
@@ -141,9 +141,10 @@ class SlotPredictor:
         self._next_part = 0
 
     @property
-    def topic(self) -> str:
-        """Topic of the message that is followed."""
-        return self._header.topic if self._header is not None else ""
+    def topic_key(self) -> TopicKey:
+        """Type and topic of the message that is followed."""
+        header = self._header
+        return (header.msg_type, header.topic) if header is not None else (0, "")
 
     def predict(self) -> ReceiveSlots:
         """Return the slots of the parts that are expected next."""
@@ -222,6 +223,18 @@ class SlotPredictor:
             assembly.part_size == self._part_size
             and assembly.header.parts_max == self._parts_max
             and assembly.header.link == self._header.link
+        )
+
+    def message_of(self, slots: ReceiveSlots, batch: PartBatch) -> Message:
+        """Return the message of a batch that holds all its parts."""
+        last = self._header
+        assert last is not None
+        number, sec, nsec = _MESSAGE_FIELDS.unpack_from(batch.header)
+        size = (last.parts_max - 1) * slots.part_size + batch.last_part_size
+        body = memoryview(slots.block)[:size].toreadonly()
+        stamp_nanos = sec * NANOS + nsec
+        return Message(
+            last.msg_type, last.topic, last.link, stamp_nanos, number, body, last.parts_max
         )
 
     def header_of(self, batch: PartBatch) -> Header:

@@ -9,7 +9,7 @@ other datagram of a message. A topic is followed while only such messages arrive
 from __future__ import annotations
 
 from struct import Struct
-from typing import Dict, List, NamedTuple, Optional, Tuple
+from typing import Dict, List, NamedTuple, Optional, Tuple, Union
 
 from udp_bridge.wire.header import (
     FIXED_SIZE,
@@ -21,6 +21,8 @@ from udp_bridge.wire.header import (
 )
 from udp_bridge.wire.message import Address, Message, TopicKey
 from udp_bridge.wire.types import STAMP_ORDERED
+
+from .ordering import MessageKey
 
 SMALL_TOPICS = 1024
 """Most topics, with their links, that are followed."""
@@ -39,12 +41,15 @@ _Row = Tuple["SmallTopic", bytearray, int, str, str]
 class SmallTopic:
     """A topic of one sender with its link, while all its messages are small and in order."""
 
-    __slots__ = ("_table", "_wire_key", "key", "sender")
+    __slots__ = ("_table", "_wire_key", "key", "link", "sender")
 
-    def __init__(self, table: Dict[_WireKey, _Row], wire_key: _WireKey, key: TopicKey) -> None:
+    def __init__(
+        self, table: Dict[_WireKey, _Row], wire_key: _WireKey, key: TopicKey, link: str
+    ) -> None:
         self._table = table
         self._wire_key = wire_key
         self.key = key
+        self.link = link
         self.sender = wire_key[0]
 
     def end(self) -> None:
@@ -52,12 +57,23 @@ class SmallTopic:
         self._table.pop(self._wire_key, None)
 
 
-class DeliveredMessage(NamedTuple):
-    """A message that was delivered and is not recorded yet."""
+class Source(NamedTuple):
+    """Sender, topic and link of a delivered message of several parts."""
 
-    topic: SmallTopic
-    message: Message
-    datagram_size: int
+    sender: Address
+    key: TopicKey
+    link: str
+
+
+class DeliveredMessage(NamedTuple):
+    """A message that was delivered and is not recorded yet. It does not keep the body."""
+
+    source: Union[SmallTopic, Source]
+    key: MessageKey
+    body_size: int
+    parts: int
+    size: int
+    """Bytes of its datagrams."""
     now_nanos: int
 
 
@@ -84,7 +100,7 @@ class SmallTopics:
             self.table.clear()
         msg_type = header.msg_type
         wire_key = sender, packed[:2], packed[_NAMES_OFFSET:]
-        topic = SmallTopic(self.table, wire_key, (msg_type, header.topic))
+        topic = SmallTopic(self.table, wire_key, (msg_type, header.topic), header.link)
         upcoming = (header.seq_number + 1) % SEQ_NUMBERS
         state = bytearray(_STATE.pack(upcoming, msg_type in STAMP_ORDERED, header.stamp_nanos))
         self.table[wire_key] = topic, state, msg_type, header.topic, header.link
@@ -115,7 +131,8 @@ class SmallTopics:
         _STATE.pack_into(state, 0, (number + 1) % SEQ_NUMBERS, is_stamp_ordered, stamp_nanos)
         body = memoryview(datagram if isinstance(datagram, bytes) else bytes(datagram))[offset:]
         message = Message(msg_type, name, link, stamp_nanos, number, body)
-        self.delivered.append(DeliveredMessage(topic, message, size, now_nanos))
+        key = number, stamp_nanos
+        self.delivered.append(DeliveredMessage(topic, key, size - offset, 1, size, now_nanos))
         return message
 
     def close(self) -> None:

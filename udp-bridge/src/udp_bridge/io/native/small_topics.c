@@ -44,10 +44,13 @@ static PyObject *continued(PyObject *row, PyObject *datagram, const struct small
     Py_XDECREF(whole);
     PyObject *message = named_tuple(small->message_type, 7, fields);
     if (message) {
-        PyObject *values[] = {Py_NewRef(PyTuple_GET_ITEM(row, 0)), Py_NewRef(message),
-                              PyLong_FromSsize_t(PyBytes_GET_SIZE(datagram)),
-                              PyLong_FromLongLong(now_nanos())};
-        record = named_tuple(small->record_type, 4, values);
+        Py_ssize_t size = PyBytes_GET_SIZE(datagram);
+        PyObject *values[] = {
+            Py_NewRef(PyTuple_GET_ITEM(row, 0)), Py_BuildValue("(IL)", number, (long long)stamp),
+            PyLong_FromSsize_t(size - head[1]), PyLong_FromLong(1), PyLong_FromSsize_t(size),
+            PyLong_FromLongLong(now_nanos()),
+        };
+        record = named_tuple(small->record_type, 6, values);
     }
     if (record && !PyList_Append(small->delivered, record)) {
         put_u32(bytes, number + 1);
