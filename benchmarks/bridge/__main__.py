@@ -51,6 +51,12 @@ def main(arguments: Sequence[str]) -> int:
         type=Path,
         help="measure the latency of a real rosbridge beside: its rosbridge_websocket",
     )
+    parser.add_argument(
+        "--ros-tcp-endpoint",
+        metavar="FOLDER",
+        type=Path,
+        help="measure until a callback by a real ROS-TCP-Endpoint beside: a checkout for ROS 2",
+    )
     parser.add_argument("--figure", metavar="FILE", type=Path, help="draw the paper's Figure 9")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the results as JSON")
     add_options(parser)
@@ -63,8 +69,12 @@ def main(arguments: Sequence[str]) -> int:
     print(f"{cores} cores, load {load:.1f}, Python {sys.version.split()[0]}", flush=True)
     if options.rosbridge is not None and not options.rosbridge.is_file():
         parser.error(f"--rosbridge: there is no file {options.rosbridge}")
+    endpoint = options.ros_tcp_endpoint
+    if endpoint is not None and not (endpoint / "ros_tcp_endpoint").is_dir():
+        parser.error(f"--ros-tcp-endpoint: {endpoint} has no folder ros_tcp_endpoint")
     runs = dict(PARTS)
     runs["latency"] = partial(latency.run, rosbridge=options.rosbridge)
+    runs["callback"] = partial(callback.run, rosbridge=options.rosbridge, ros_tcp_endpoint=endpoint)
     parts: dict[str, BenchmarkResult] = {}
     with tempfile.TemporaryDirectory() as folder:
         for name in [options.only] if options.only else PARTS:

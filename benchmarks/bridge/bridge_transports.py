@@ -23,6 +23,7 @@ from groundlink.scenario.schema import Scenario
 from udp_bridge import Link, Message
 from udp_bridge.sender.repair import Mode
 from udp_bridge.wire.control import LinkReport, parse
+from udp_bridge.wire.fragments import LOOPBACK_PART
 from udp_bridge.wire.types import CONTROL
 
 from .images import IMAGE, IMAGE_HEAD_BYTES, TOPIC, image_cdr
@@ -100,11 +101,14 @@ class UdpBridge:
         return self.stream(size, 1)
 
     def stream(self, size: int, count: int) -> float:
-        """See `StreamingTransport`; each message goes when the one before has left."""
+        """See `StreamingTransport`; each message goes when the one before has left.
+
+        Messages of one part leave at once, in the call of `send`.
+        """
         body = image_cdr(size)
         self.began_nanos = time.monotonic_ns()
         for index in range(count):
-            if index:
+            if index and size > LOOPBACK_PART:
                 self._link.flush(TIMEOUT_S)
             self._link.send(IMAGE, TOPIC, "camera", time.time_ns(), body)
         try:

@@ -3,37 +3,54 @@
 
 The subscriber is a plain ROS 2 node. A plain node that publishes the same images takes the part of
 the fastest possible source. Messages alternate between the transports in random order, one after
-the other (hot) or with a pause before each (at rest), after which caches are cold.
+the other (hot) or with a pause before each (at rest), after which caches are cold. A real
+ROS-TCP-Endpoint and a real rosbridge take part where their programs are given.
 """
 
 import statistics
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 
-from benchmarks.claims import BenchmarkResult
+from benchmarks.claims import BenchmarkResult, Claim
 
 from .bridge_transports import UdpBridge, reach
 from .latency import orders
 from .processes import LineProcess, python
-from .transports import RECEIVERS, PlainRos, RosSharp, Tcp, Transport
+from .transports import (
+    RECEIVERS,
+    PlainRos,
+    Rosbridge,
+    RosSharp,
+    RosTcpEndpoint,
+    Tcp,
+    Transport,
+)
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000, 10_000_000)
 PAUSES_S = {"hot": 0.0, "at rest": 0.01}
 JOIN_S = 2.0
+MOST_OF_PLAIN_ROS = {1_000: 2.0, 10_000: 2.0, 10_000_000: 2.2}
+"""Sizes, and how many times as long as from a plain node it takes at most, hot."""
 _WARM_UP = 5
 
 
-def run(quick: bool, folder: Path) -> BenchmarkResult:
+def run(
+    quick: bool, folder: Path, rosbridge: Path | None = None, ros_tcp_endpoint: Path | None = None
+) -> BenchmarkResult:
     """Measure and print."""
-    rows = []
+    rows, claims = [], []
     with ExitStack() as stack:
         subscriber = stack.enter_context(closing(python(RECEIVERS, "callback")))
         subscriber.number()
-        made = [make() for make in (UdpBridge, Tcp, PlainRos, RosSharp)]
-        transports: list[Transport] = [stack.enter_context(closing(way)) for way in made]
+        makers: list[Callable[[], Transport]] = [UdpBridge, Tcp, PlainRos, RosSharp]
+        if ros_tcp_endpoint is not None:
+            makers.append(partial(RosTcpEndpoint, ros_tcp_endpoint))
+        if rosbridge is not None:
+            makers.append(partial(Rosbridge, rosbridge))
+        transports = [stack.enter_context(closing(make())) for make in makers]
         for way in transports:
             reach(partial(until_callback, way, subscriber, 1000, JOIN_S))
         names = [way.name for way in transports]
@@ -47,7 +64,12 @@ def run(quick: bool, folder: Path) -> BenchmarkResult:
                 columns = " ".join(f"{median:12.3f}" for median in medians.values())
                 print(f"{size:9} {pause:7} {columns} {count:9}", flush=True)
                 rows.append({"bytes": size, "pause": pause, "count": count, "ms": medians})
-    return BenchmarkResult(rows, [])
+                if pause == "hot" and size in MOST_OF_PLAIN_ROS:
+                    ratio = medians[UdpBridge.name] / medians[PlainRos.name]
+                    what = f"{size} bytes, times as long to a callback as from a plain node"
+                    limit = MOST_OF_PLAIN_ROS[size]
+                    claims.append(Claim(what, ratio, limit, is_at_least=False))
+    return BenchmarkResult(rows, claims)
 
 
 def measure(
