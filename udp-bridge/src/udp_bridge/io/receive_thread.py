@@ -104,6 +104,7 @@ class ReceiveLoop:
         slots, credits = self._inbox.predict_slots()
         batch = self._receive_batch(slots, credits)
         if type(batch) is SmallMessage:
+            self._inbox.count_delivered()
             self._deliver(*batch)
             return
         now_nanos = time.monotonic_ns()

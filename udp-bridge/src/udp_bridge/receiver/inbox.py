@@ -102,6 +102,7 @@ class Inbox:
         """
         message = self.small_topics.take(datagram, sender, now_nanos)
         if message is not None:
+            self.count_delivered()
             return message, None
         self._record_delivered()
         self.datagrams += 1
@@ -160,8 +161,9 @@ class Inbox:
 
         A message is yielded before the rest of what follows its delivery.
         """
-        whole = self._whole_message(slots, batch)
+        whole = self._whole_message(slots, batch, now_nanos)
         if whole is not None:
+            self.count_delivered()
             yield whole, None, slots.sender
             self._record_whole(whole, slots, batch, now_nanos)
         elif batch.part_ranges or batch.mailbox_credits:
@@ -179,7 +181,16 @@ class Inbox:
             one = self.receive(memoryview(batch.unmatched), batch.unmatched_sender, now_nanos)
             yield (*one, batch.unmatched_sender)
 
-    def _whole_message(self, slots: ReceiveSlots, batch: PartBatch) -> Optional[Message]:
+    def count_delivered(self) -> None:
+        """Count the newest message that was delivered before it is recorded."""
+        newest = self.small_topics.delivered[-1]
+        self.datagrams += newest.parts
+        self.bytes_received += newest.size
+        self.reassembler.counters.messages += 1
+
+    def _whole_message(
+        self, slots: ReceiveSlots, batch: PartBatch, now_nanos: int
+    ) -> Optional[Message]:
         """Return the message of a batch that holds all its parts, if it is to be delivered."""
         topic = self._whole_topic
         if (
@@ -188,8 +199,16 @@ class Inbox:
             or batch.part_ranges != ((0, len(slots.arrived)),)
         ):
             return None
-        message = self._predictor.message_of(slots, batch)
-        return message if topic.order.is_next(message.msg_type, key_of(message)) else None
+        message, key = self._predictor.message_of(slots, batch)
+        if not topic.order.is_next(message.msg_type, key):
+            return None
+        source = Source(slots.sender, (message.msg_type, message.topic), message.link)
+        body_size, parts = len(message.body), message.parts
+        size = body_size + parts * len(batch.header)
+        self.small_topics.delivered.append(
+            DeliveredMessage(source, key, body_size, parts, size, now_nanos)
+        )
+        return message
 
     def _record_whole(
         self, message: Message, slots: ReceiveSlots, batch: PartBatch, now_nanos: int
@@ -200,12 +219,6 @@ class Inbox:
         topic.order.record_next(key_of(message), now_nanos)
         self.reassembler.pool.take_offered(slots.block, slots.part_size * len(slots.arrived))
         self._predictor.on_complete(batch)
-        source = Source(slots.sender, (message.msg_type, message.topic), message.link)
-        body_size, parts = len(message.body), message.parts
-        size = body_size + parts * len(batch.header)
-        self.small_topics.delivered.append(
-            DeliveredMessage(source, key_of(message), body_size, parts, size, now_nanos)
-        )
         peer = self._peers.record(slots.sender, now_nanos)
         peer.uncredited_bytes = 0
         self._count_credits(message.topic, peer, batch.credits_sent)
@@ -317,8 +330,6 @@ class Inbox:
         for one in delivered:
             peer = self._peers.record(one.source.sender, one.now_nanos)
             peer.goodput_bytes += one.size
-            self.datagrams += one.parts
-            self.bytes_received += one.size
             self.reassembler.record(one)
         self.reassembler.expire(delivered[-1].now_nanos)
         delivered.clear()

@@ -283,7 +283,6 @@ class Reassembler:
         if message.parts == 1:
             topic.order.record_next(message.key, message.now_nanos)
         topic.link = source.link
-        self.counters.messages += 1
         topic.log.mark_delivered(message.key, message.body_size)
 
     def _topic(self, sender: Hashable, key: TopicKey) -> TopicState:

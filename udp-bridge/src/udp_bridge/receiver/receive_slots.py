@@ -23,6 +23,7 @@ from udp_bridge.wire.message import Address, Message, TopicKey
 
 from .assembly import Assembly
 from .nack import NackTracker
+from .ordering import MessageKey
 from .pool import BlockPool
 
 _MESSAGE_FIELDS = Struct("<2xI2xii")
@@ -225,17 +226,18 @@ class SlotPredictor:
             and assembly.header.link == self._header.link
         )
 
-    def message_of(self, slots: ReceiveSlots, batch: PartBatch) -> Message:
-        """Return the message of a batch that holds all its parts."""
+    def message_of(self, slots: ReceiveSlots, batch: PartBatch) -> Tuple[Message, MessageKey]:
+        """Return the message of a batch that holds all its parts, and its key."""
         last = self._header
         assert last is not None
         number, sec, nsec = _MESSAGE_FIELDS.unpack_from(batch.header)
         size = (last.parts_max - 1) * slots.part_size + batch.last_part_size
         body = memoryview(slots.block)[:size].toreadonly()
         stamp_nanos = sec * NANOS + nsec
-        return Message(
+        message = Message(
             last.msg_type, last.topic, last.link, stamp_nanos, number, body, last.parts_max
         )
+        return message, (number, stamp_nanos)
 
     def header_of(self, batch: PartBatch) -> Header:
         """Return the parsed header of the part of a batch that arrived first."""
