@@ -107,20 +107,20 @@ def test_keys_drive_and_the_terminal_is_as_before(
         with Bus(connect=it.endpoint) as bus:
             watcher = Watcher(bus)
             wait_for(lambda: "drive" in typist.read(), 20, "it is ready")
-            wait_for(lambda: not typist.is_as_before(), 5, "keys come one by one")
+            wait_for(lambda: not typist.is_as_before(), 20, "keys come one by one")
 
             def goes() -> bool:
                 os.write(typist.end, b"w")
                 return watcher.speed_mps() > 0.4
 
-            wait_for(goes, 10, "the rover drives ahead")
+            wait_for(goes, 30, "the rover drives ahead")
             assert "+0.50 m/s" in typist.read()
-            wait_for(lambda: abs(watcher.speed_mps()) < 0.02, 5, "who lets go stops")
+            wait_for(lambda: abs(watcher.speed_mps()) < 0.02, 20, "who lets go stops")
             if isinstance(end, bytes):
                 os.write(typist.end, end)
             else:
                 typist.process.send_signal(end)
-            assert typist.process.wait(5) == 0
+            assert typist.process.wait(30) == 0
         assert typist.is_as_before()
     finally:
         typist.close()
@@ -133,7 +133,7 @@ def test_the_live_table_ends_with_its_terminal_as_before(sensor_only: tuple[Rig,
         wait_for(lambda: "400.0 Hz" in typist.read(), 20, "a rate is shown")
         assert "rover/imu" in typist.read()
         typist.process.send_signal(signal.SIGINT)
-        assert typist.process.wait(5) == 0
+        assert typist.process.wait(30) == 0
         assert typist.is_as_before()
         assert "Traceback" not in typist.read()
     finally:
