@@ -25,20 +25,22 @@ from groundlink.emulation.model import LinkDirection
 from groundlink.emulation.script import DIRECTIONS, LinkScript, ScriptPlayer
 from groundlink.messages.base import BusMessage, Health
 from groundlink.process import runner as process
-from groundlink.ros.base import Bases, is_latched
-from groundlink.ros.cdr import ros_type_of
-from groundlink.ros.streams import outgoing
 from groundlink.scenario import Scenario
 from groundlink.scenario.every_sensor import SensorSpec
 from groundlink.scenario.faults import Delay
-from udp_bridge import Message
-from udp_bridge.wire.typed import pack_typed, parse_typed
-from udp_bridge.wire.types import TYPED
 
-from .reports import PeerReports, peer_counters
-from .streams import queue_limits, repair_table, wire_type
-from .subscribers import TopicKey
-from .virtual_link import VirtualLink
+with process_needs(GATEWAY, "gateway"):
+    from groundlink.ros.base import Bases, is_latched
+    from groundlink.ros.cdr import ros_type_of
+    from groundlink.ros.streams import outgoing
+    from udp_bridge import Message
+    from udp_bridge.wire.typed import pack_typed, parse_typed
+    from udp_bridge.wire.types import TYPED
+
+    from .reports import PeerReports, peer_counters
+    from .streams import queue_limits, repair_table, wire_type
+    from .subscribers import TopicKey
+    from .virtual_link import VirtualLink
 
 with process_needs(GATEWAY, "record"):
     from groundlink.recording import metadata

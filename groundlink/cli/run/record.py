@@ -152,6 +152,8 @@ def _sent_over_link(recording: Path) -> int:
         assert process.stdout is not None
         for share in process.stdout:
             done(float(share))
+    if process.returncode:
+        recording.unlink()  # it is not what was asked for
     return process.returncode
 
 
