@@ -117,7 +117,7 @@ class _WorkerPoints:
         self._outcomes = {}
         if orders.search != self._search:
             self.kill()
-            _check(orders.determined_by)
+            check_host(orders.determined_by)
             self._search = orders.search
         for name, content in orders.start.items():
             request = msgspec.json.decode(content, type=EvaluationRequest)
@@ -128,7 +128,7 @@ class _WorkerPoints:
             )
 
 
-def _check(determined_by: dict[str, Any]) -> None:
+def check_host(determined_by: dict[str, Any]) -> None:
     """Check that this host has the scenario of a search.
 
     Raises
