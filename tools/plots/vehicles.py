@@ -19,11 +19,11 @@ from groundlink.scenario.running_gear import Battery, DriveSpec, Motor, SideStee
 from groundlink.scenario.schema import Placement
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Box, Material, Solid
+from services.physics.running_gear.motor import BatteryCharge, Motors
+from services.physics.running_gear.tire import TREAD_DAMPING, TREAD_STIFFNESS, Tire
 from services.physics.simulation.simulation import Simulation
-from services.physics.vehicle.motor import BatteryCharge, Motors
 from services.physics.vehicle.steering import AckermannSteering, SkidSteering
 from services.physics.vehicle.steering import steering as steering_of
-from services.physics.vehicle.tire import TREAD_DAMPING, TREAD_STIFFNESS, Tire
 
 from .page_style import GRAY, SERIES, label, side_by_side
 

@@ -81,7 +81,7 @@ class ArticulatedBody(Structure):
         super().__init__(number, len(joints), self.joints)
 
 
-class Contact(Structure):
+class ContactPoint(Structure):
     """A contact point of the last step."""
 
     _fields_ = (
@@ -119,11 +119,11 @@ class Contact(Structure):
 
 
 class Contacts(Structure):
-    """Contact points of the last step, each once for either body."""
+    """ContactPoint points of the last step, each once for either body."""
 
-    _fields_ = (("points", POINTER(Contact)), ("count", c_size_t), ("_room", c_size_t))
+    _fields_ = (("points", POINTER(ContactPoint)), ("count", c_size_t), ("_room", c_size_t))
     points: Any
-    """An array of `Contact`."""
+    """An array of `ContactPoint`."""
 
     count: int
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Vehicle: chassis, running gear, tires, motors, steering and joints.
+"""Vehicle: controller, chassis, springs and joints, and the fleet that is stepped together.
 
 Imported by `services.physics.simulation`. Knows no bus and no wall clock.
 """

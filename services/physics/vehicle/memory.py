@@ -6,9 +6,9 @@ from msgspec.structs import replace
 
 from services.physics.dynamics.backend import Pose, Twist
 from services.physics.dynamics.chassis_contacts import NamedContact
+from services.physics.running_gear.running_gear import GroundContact
 
 from .controller import ControllerMemory
-from .running_gear import GroundContact
 from .servos import ServosMemory
 
 

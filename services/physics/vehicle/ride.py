@@ -11,8 +11,7 @@ from math import cos, exp, tau
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.scenario.vehicle import MAX_SHAKE_HZ, Engine, Tread
 from groundlink.world.roughness import RoughGround
-
-from .running_gear import IN_AIR, RollingWheel
+from services.physics.running_gear.running_gear import IN_AIR, RollingWheel
 
 FADE_S = 2.0
 """Time constant in which a step of the lift fades, where ground begins or its material changes."""

@@ -1,71 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-/* A vehicle between its engine's body and its commands. Structures of the same names in Python fill
- * these and document units and frames: `tire.py`, `shaft.py`, `motor.py`, `running_gear.py` and
- * `fleet.py`. All vectors are in the base frame unless a comment says otherwise.
+/* A vehicle on the engine's body. `vehicle.py` and `ground.py` fill these structures. All vectors are
+ * in the base frame unless a comment says otherwise.
  */
 
 #ifndef GROUNDLINK_VEHICLE_H
 #define GROUNDLINK_VEHICLE_H
 
-#include "../dynamics/bodies.h"
-
-struct tire {
-    double axle_ratio, axle_ratio_squared, stiffness, sticking;
-    double cornering_stiffness, slip_load; /* of a tire that creeps; else 0 */
-    double along, aside, x, y;
-    double firmness, limit, resisting, rolling;
-};
-
-struct shaft {
-    double radius, inertia, damping;
-    struct tire **tires;
-    size_t tire_count;
-    double asked, asked_torque; /* NaN: that of the motor */
-    double angle, speed, tread, torque;
-};
-
-struct motors {
-    double most;
-    double stall, no_load_speed; /* 0 without a model of the motor */
-};
-
-struct battery {
-    double capacity_ah, full, empty, resistance, idle_power;
-    double share, current, voltage;
-};
-
-struct steering_joint {
-    double range, most_speed, most_torque, inertia, lever;
-    double asked;
-    double angle, speed;
-};
-
-struct wheel {
-    double center[3], radius, friction, resistance, ratio;
-    double preload, stiffness, damping;
-    struct tire *tire;
-    struct shaft *shaft;            /* NULL: it does not turn */
-    struct steering_joint *steering; /* NULL: it is not steered */
-    /* Contact with the ground in the last step. */
-    int32_t touches;
-    double grip, normal[3];
-    double under; /* roughness */
-    /* By roughness and tread. */
-    double raised, raised_speed;
-    /* Directions of rolling and of the axle on the ground, and the footprint. */
-    double forward[3], left[3], foot[3];
-    double along_spring; /* force of the ground on the wheel along its spring */
-};
-
-struct running_gear {
-    struct wheel **wheels;
-    struct shaft **shafts; /* driven ones first */
-    size_t wheel_count, driven_count, shaft_count;
-    struct motors motors;
-    struct battery *battery; /* NULL: never empty */
-    double voltage_share, driving, braking;
-    double drove, braked; /* sums of the last two over all ticks */
-};
+#include "../running_gear/running_gear.h"
 
 struct link {
     double position[3], orientation[4];
@@ -94,17 +35,5 @@ struct ground {
     double x0, y0, cell;
     const double *material_friction, *material_roughness;
 };
-
-void groundlink_tire_lift(struct tire *);
-void groundlink_tire_meet(struct tire *, double, double, double, double, double);
-void groundlink_tire_along(const struct tire *, double, double[2]);
-void groundlink_tire_settle(struct tire *, double, double[2]);
-void groundlink_shaft_turn(struct shaft *, double, double);
-void groundlink_motors_limits(const struct motors *, double, double, double[2]);
-double groundlink_motors_power(const struct motors *, double, double);
-double groundlink_battery_draw(struct battery *, double);
-void groundlink_steering_joint_turn(struct steering_joint *, double, double);
-void groundlink_running_gear_go(struct running_gear *, const double[3], const double[3],
-                                const struct joint *, const double[3], double[3], double[3]);
 
 #endif

@@ -31,17 +31,17 @@ from services.physics.dynamics.backend import (
     Surface,
     Twist,
 )
-from services.physics.dynamics.bodies import ArticulatedBody, BodyList, Contact, pointers
+from services.physics.dynamics.bodies import ArticulatedBody, BodyList, ContactPoint, pointers
 from services.physics.dynamics.chassis_contacts import ChassisContacts
 from services.physics.dynamics.kernels import kernels
 from services.physics.dynamics.memory import PartWithMemory, numbers_of, set_numbers
+from services.physics.running_gear.running_gear import GroundContact, RunningGear
 
 from .body_drag import body_drag
 from .controller import Controller, WheelTargets
 from .joint_commands import JointCommandReader
 from .memory import VehicleMemory
 from .ride import EngineShake, Ride
-from .running_gear import GroundContact, RunningGear
 from .servos import Servos
 from .urdf import convex_hull, hull_file, suspension_joint, urdf
 
@@ -340,7 +340,7 @@ class SimulatedVehicle(Structure):
         gear = self.running_gear
         if (targets := self.drive.wheels(sim_nanos, gear.angles())) is not self._asked:
             self._asked = targets
-            gear.ask(targets)
+            gear.ask(*targets)
         if self.servos.step(sim_nanos):
             self._place_links()
         if self._engine_shake:
@@ -364,7 +364,7 @@ class SimulatedVehicle(Structure):
             [(ox + a * x + b * y + c * z, oy + d * x + e * y + f * z) for x, y, z in centers]
         )
 
-    def touched(self, tick: int, contacts: Sequence[Contact]) -> None:
+    def touched(self, tick: int, contacts: Sequence[ContactPoint]) -> None:
         """Record contacts of the chassis in the last step."""
         for contact in contacts:
             self.contacts.touched((tick, contact.other, contact.point_m, contact.force_n))

@@ -19,7 +19,7 @@ from services.physics.dynamics.backend import (
     Pose,
     Surface,
 )
-from services.physics.dynamics.bodies import ArticulatedBody, BodyList, Contact, Contacts
+from services.physics.dynamics.bodies import ArticulatedBody, BodyList, ContactPoint, Contacts
 
 _ZERO = (0.0, 0.0, 0.0)
 
@@ -48,7 +48,7 @@ class FreeBodies:
 
     def __init__(self) -> None:
         self.bodies: dict[int, Body] = {}
-        self.touching: list[Contact] = []
+        self.touching: list[ContactPoint] = []
         self._joints: dict[int, dict[int, tuple[float, float]]] = {}
         self._count = 0
 
@@ -135,7 +135,7 @@ class FreeBodies:
             self.bodies[it.number].force_n = x, y, z
 
     def contacts(self) -> Contacts:
-        return Contacts((Contact * len(self.touching))(*self.touching), len(self.touching))
+        return Contacts((ContactPoint * len(self.touching))(*self.touching), len(self.touching))
 
     def ray(self, start_m: Vector3, end_m: Vector3) -> tuple[int, Vector3] | None:
         return None

@@ -37,6 +37,8 @@ DERIVED = frozenset(
 )
 """Attributes that need not be the same."""
 
+INSPECTED = tuple(f"services.physics.{part}" for part in ("vehicle", "running_gear", "simulation"))
+
 Path = tuple[str, ...]
 
 
@@ -54,7 +56,7 @@ def inner_state(
     elif isinstance(thing, dict):
         for key, each in thing.items():
             yield from inner_state(each, (*path, str(key)), seen)
-    elif type(thing).__module__.startswith(("services.physics.vehicle", "services.physics.sim")):
+    elif type(thing).__module__.startswith(INSPECTED):
         slots = {s for base in type(thing).__mro__ for s in getattr(base, "__slots__", ())}
         slots |= {name for name, *_ in getattr(type(thing), "_fields_", ())}
         for name in sorted({*slots, *getattr(thing, "__dict__", ())} - DERIVED):

@@ -13,11 +13,11 @@ from groundlink.scenario.schema import Scenario, Vehicle, World
 from groundlink.scenario.vehicle import Effect, Engine, EngineOrder, Tread, VehicleModel, Vibration
 from groundlink.world.roughness import RoughGround
 from groundlink.world.terrain import RoughnessClass
+from services.physics.running_gear.running_gear import IN_AIR
 from services.physics.simulation import simulation
 from services.physics.simulation.simulation import Simulation
 from services.physics.trials.track import FLOOR, MATERIALS, NAME, drive
 from services.physics.vehicle.ride import FADE_S, EngineShake, WheelLift
-from services.physics.vehicle.running_gear import IN_AIR
 from tests.services.physics.grounds import shipped
 
 SPEED_MPS = 1.0

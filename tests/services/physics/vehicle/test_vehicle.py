@@ -7,7 +7,7 @@ import pytest
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import floats
 from services.physics.dynamics.backend import BASE, GRAVITY_MPS2
-from services.physics.dynamics.bodies import Contact
+from services.physics.dynamics.bodies import ContactPoint
 from services.physics.trials.track import FLOOR, NAME, put
 from tests.services.physics.free_bodies import FreeBodies
 from tests.services.physics.grounds import shipped
@@ -32,11 +32,11 @@ def test_contacts_of_the_chassis_are_recorded_and_those_of_wheels_are_not() -> N
         vehicle = simulation._vehicles[NAME]
         [floor] = simulation._statics
         of = vehicle.body
-        wheel = Contact(of, vehicle.articulated.joints[0].link, floor, ORIGIN, UP, 135.0)
+        wheel = ContactPoint(of, vehicle.articulated.joints[0].link, floor, ORIGIN, UP, 135.0)
         backend.touching = [wheel]
         simulation.step()
         assert simulation.vitals(0)[0].contacts == ()
-        backend.touching = [wheel, Contact(of, BASE, floor, ORIGIN, UP, 7.0)]
+        backend.touching = [wheel, ContactPoint(of, BASE, floor, ORIGIN, UP, 7.0)]
         simulation.step()
         [contact] = simulation.vitals(0)[0].contacts
     assert (contact.name, contact.force_n) == (FLOOR.name, 7.0)

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "vehicle.h"
+#include "running_gear.h"
 
 static double within(double value, double most)
 {

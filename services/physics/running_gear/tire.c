@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "vehicle.h"
+#include "running_gear.h"
 
 /* Share of the limit below which force is linear in slip. */
 #define SMALL 1e-3

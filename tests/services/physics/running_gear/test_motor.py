@@ -4,7 +4,7 @@
 import pytest
 
 from groundlink.scenario.running_gear import Battery, Motor, SkidSteer
-from services.physics.vehicle.motor import BatteryCharge, Motors
+from services.physics.running_gear.motor import BatteryCharge, Motors
 
 DRIVE = SkidSteer(max_wheel_torque_nm=15.0, max_wheel_speed_radps=10.0)
 MOTOR = Motor(stall_torque_nm=20.0, no_load_speed_radps=10.0)

@@ -18,7 +18,6 @@ from services.physics.dynamics.bodies import pointers
 from services.physics.dynamics.kernels import kernels
 from services.physics.dynamics.memory import PartWithMemory
 
-from .controller import WheelTargets
 from .motor import BatteryCharge, Motors
 from .shaft import TurningShaft
 from .tire import Tire
@@ -276,14 +275,25 @@ class RunningGear(Structure):
             *(Motors(model.drive), self._charge and pointer(self._charge), 1.0),
         )
 
-    def ask(self, targets: WheelTargets) -> None:
-        """Set the targets of shafts and steering joints."""
-        for shaft, speed in zip(self._driven, targets.speeds_radps, strict=True):
+    def ask(
+        self,
+        speeds_radps: Sequence[float],
+        angles_rad: Sequence[float],
+        torques_nm: Sequence[float | None],
+    ) -> None:
+        """Set the targets of driven shafts and steering joints.
+
+        Parameters
+        ----------
+        torques_nm
+            the largest torque toward each target speed; None, as without values, for that of the
+            motor.
+        """
+        torques_nm = torques_nm or (None,) * len(self._driven)
+        for shaft, speed, torque in zip(self._driven, speeds_radps, torques_nm, strict=True):
             shaft.asked_radps = speed
-        torques = targets.torques_nm or (None,) * len(self._driven)
-        for shaft, torque in zip(self._driven, torques, strict=True):
             shaft.asked_nm = nan if torque is None else torque
-        for joint, angle in zip(self._steering_joints, targets.angles_rad, strict=True):
+        for joint, angle in zip(self._steering_joints, angles_rad, strict=True):
             joint.asked_rad = angle
 
     def parts(self) -> list[PartWithMemory]:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from groundlink.scenario.running_gear import Ackermann, Wheel
-from services.physics.vehicle.running_gear import SteeringJoint
+from services.physics.running_gear.running_gear import SteeringJoint
 
 WHEEL = Wheel(name="w", center_m=(1.0, 0.5, 0.0), radius_m=0.3, width_m=0.2, mass_kg=20.0)
 

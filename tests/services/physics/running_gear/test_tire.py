@@ -6,7 +6,7 @@ from math import atan, cos, hypot, radians, sin
 import pytest
 
 from groundlink.scenario.vehicle import TireSlip
-from services.physics.vehicle.tire import TREAD_STIFFNESS, Tire
+from services.physics.running_gear.tire import TREAD_STIFFNESS, Tire
 
 STEP = 0.0025
 BORNE_KG = 14.0

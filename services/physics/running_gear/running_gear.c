@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "vehicle.h"
+#include "running_gear.h"
 
 /* Sine of the angle between axle and ground's normal below which a wheel lies on its side. */
 #define UPRIGHT 0.2

@@ -4,8 +4,8 @@
 import pytest
 
 from groundlink.core.clock import TICK_SECONDS
-from services.physics.vehicle.shaft import TurningShaft
-from services.physics.vehicle.tire import Tire
+from services.physics.running_gear.shaft import TurningShaft
+from services.physics.running_gear.tire import Tire
 
 RADIUS_M, INERTIA = 0.2, 0.05
 

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "vehicle.h"
+#include "running_gear.h"
 
 /* Most iterations of Newton's method; it usually takes three. */
 enum { STEPS = 40 };
