@@ -46,7 +46,7 @@ TICKS = 3200
 """Ticks of an episode: 8 s. A sensor buffers 4,096 states, so none is lost in a free episode."""
 
 PAIRS = 7
-LEAST_FACTOR = {"without": 20.0, "with": 8.0}
+LEAST_FACTOR = {"without": 4.0, "with": 1.2}
 """Times real time, without and with the camera."""
 
 MOST_COST = 0.1

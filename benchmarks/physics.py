@@ -42,11 +42,11 @@ COMMAND_TICKS = TICK_RATE_HZ // 20
 
 LEAST = {
     ("rover", 1): 60.0,
-    ("rover", 4): 25.0,
-    ("rover", 10): 12.0,
+    ("rover", 4): 20.0,
+    ("rover", 10): 10.0,
     ("rover", 16): 8.0,
     ("tank", 1): 30.0,
-    ("tank", 4): 10.0,
+    ("tank", 4): 9.0,
     ("tank", 16): 3.0,
 }
 """Ratios to real time below which `--check` fails, by model and number of vehicles."""
