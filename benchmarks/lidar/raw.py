@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Embree called from C, one ray after the other: `raw.c`, compiled with -O3."""
+"""Embree called from C, one ray or eight rays after the other: `raw.c`, compiled with -O3."""
 
 import ctypes
 import subprocess
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats, transform
-from groundlink.world.triangles import Triangles
+from groundlink.world.triangles import Triangles, joined
 from services.sensors.rays import embree
 from services.sensors.rays.engine import aligned
 from services.sensors.rays.scene import Reals
@@ -47,8 +47,21 @@ class RawEmbree:
             *(body_vertices, c_size_t(len(body.vertices)), body_faces, c_size_t(len(body.faces))),
             *(places, c_uint(steps), c_size_t(bodies), zeros),
         )
-        if error:
-            raise RuntimeError(f"Embree reports error {error}")
+        _check(error)
+        at_rest = joined(
+            terrain,
+            *(
+                _placed(body, matrix)
+                for matrix in transform(world_from_body[0, :, :3], world_from_body[0, :, 3:])
+            ),
+        )
+        rest = [_kept(array) for array in (at_rest.vertices, at_rest.faces)]
+        self._kept += rest
+        self._raw.raw_trace_rest.argtypes = (c_size_t, c_float, *[c_void_p] * 3)
+        sizes = (
+            part for array in rest for part in (c_void_p(array.ctypes.data), c_size_t(len(array)))
+        )
+        _check(self._raw.raw_build_rest(*sizes))
 
     def move(self) -> None:
         """Take the bodies' motion, as after every revolution."""
@@ -56,11 +69,33 @@ class RawEmbree:
 
     def cast(self, origins: Reals, directions: Reals, times: Reals, max_range_m: float) -> Reals:
         """Return the ranges of rays, which are as `Scene.cast` takes them, and contiguous."""
-        if self._ranges.shape != times.shape:
-            self._ranges = np.empty_like(times)
-        arrays = origins, directions, times, self._ranges
+        ranges = self._ranges_of(times.shape)
+        arrays = origins, directions, times, ranges
         self._raw.raw_trace(times.size, max_range_m, *(array.ctypes.data for array in arrays))
+        return ranges
+
+    def cast_at_rest(self, origins: Reals, directions: Reals, max_range_m: float) -> Reals:
+        """Return the ranges of rays in the world as it is at first; there are whole eights."""
+        ranges = self._ranges_of(origins[0].shape)
+        arrays = origins, directions, ranges
+        self._raw.raw_trace_rest(ranges.size, max_range_m, *(array.ctypes.data for array in arrays))
+        return ranges
+
+    def _ranges_of(self, shape: tuple[int, ...]) -> Reals:
+        if self._ranges.shape != shape:
+            self._ranges = np.empty(shape, np.float32)
         return self._ranges
+
+
+def _placed(mesh: Triangles, matrix: Floats) -> Triangles:
+    """Return a mesh whose frame is at a place, a 4 x 4 matrix."""
+    vertices = mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3]
+    return Triangles(vertices.astype(np.float32), mesh.faces, mesh.labels)
+
+
+def _check(error: int) -> None:
+    if error:
+        raise RuntimeError(f"Embree reports error {error}")
 
 
 def _kept(array: NDArray[np.generic]) -> NDArray[np.generic]:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bounding volume trees, and the ray engine for machines without Embree.
 
-The engine is plain C: the same ranges, two to eight times slower.
+The engine is plain C: the same ranges, three to nine times slower.
 """
 
 import ctypes
