@@ -10,8 +10,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* The ziggurat's 256 layers for numbers of 23 bits; a structure of the same name in `draws.py` fills
- * it. `right` is where the lowest one ends. */
+/* The ziggurat's 256 layers for numbers of 23 bits; a structure of the same name in
+ * `scanning/draws.py` fills it. `right` is where the lowest one ends. */
 struct ziggurat {
     uint32_t inside[256];             /* numbers below are under the curve */
     float width[256], height[256];
