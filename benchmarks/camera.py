@@ -8,8 +8,9 @@ moves with every picture. PyBullet draws plain colors and a static scene without
 mask: TinyRenderer with its shadow, EGL without shadows, which it lacks. PyBullet has one sample per
 pixel and jagged edges, as `groundlink_jagged` has; `groundlink` has the default of four samples.
 `groundlink_lens` adds distortion, chromatic aberration, vignetting, depth of field, noise and a
-JPEG. Figures are medians. `ratio` compares processor time over all threads, which other load on the
-machine disturbs least; `wall_ratio` compares elapsed time.
+JPEG. `groundlink_at_rest` stays at one place, with the scenario's own camera; all others show
+another place with every picture. Figures are medians. `ratio` compares processor time over
+all threads, which other load on the machine disturbs least; `wall_ratio` compares elapsed time.
 """
 
 import argparse
@@ -35,6 +36,7 @@ from groundlink.world.solids import Box, Cylinder, Solid, Sphere
 from services.sensors.camera.spec import Camera
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rendering.cameras.messages import jpeg
+from services.sensors.rendering.gl.context import open_context
 from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.gl.target import Frame
@@ -48,7 +50,16 @@ from .lidar.driving import link_poses
 LAB = Path(__file__).parents[1] / "scenarios" / "indoor_lab.yaml"
 TICKS_A_PICTURE = 40
 WARM_UP = 2
-WAYS = ("groundlink", "groundlink_jagged", "groundlink_jpeg", "groundlink_lens", "tiny", "egl")
+WAYS = (
+    *(
+        "groundlink",
+        "groundlink_jagged",
+        "groundlink_jpeg",
+        "groundlink_lens",
+        "groundlink_at_rest",
+    ),
+    *("tiny", "egl"),
+)
 GOALS = {
     ("groundlink_jagged", "tiny"): 6.0,
     ("groundlink_jagged", "egl"): 1.5,
@@ -57,10 +68,14 @@ GOALS = {
 }
 """Lowest ratios that Groundlink claims."""
 
+SIZES = ((640, 480), (1280, 720), (1920, 1080))
+"""Of the table."""
+
 NAMES = {
     "groundlink": "a picture",
     "groundlink_jagged": "a picture with one sample a pixel",
     "groundlink_lens": "a picture through a lens, as JPEG",
+    "groundlink_at_rest": "a picture of a vehicle at rest, with noise, as JPEG",
     "tiny": "PyBullet's TinyRenderer",
     "egl": "PyBullet's EGL renderer",
 }
@@ -198,6 +213,8 @@ def painter(way: str, size: tuple[int, int]) -> Callable[[int], None]:
         camera = replace(camera, lens=LENS, imager=GRAIN)
     if way.startswith("groundlink"):
         ours = Ours(scenario, vehicle, camera)
+        if way == "groundlink_at_rest":
+            return lambda _: ours.draw_and_compress(0)
         return ours.draw if way in ("groundlink", "groundlink_jagged") else ours.draw_and_compress
     rival = Rival(scenario, vehicle, camera, egl=way == "egl")
     if way == "tiny":
@@ -214,29 +231,52 @@ def paint(way: str, size: tuple[int, int], pipe: Connection) -> None:
         pipe.send(clocks() - started)
 
 
+def measured(size: tuple[int, int], rounds: int) -> dict[str, Floats]:
+    """Return the median elapsed and processor time of a picture by way, milliseconds."""
+    context = multiprocessing.get_context("spawn")
+    pipes: dict[str, Connection] = {}
+    for way in WAYS:
+        pipes[way], there = context.Pipe()
+        context.Process(target=paint, args=(way, size, there), daemon=True).start()
+        there.close()  # so that the end of the process is noticed
+    spent: dict[str, list[Floats]] = {way: [] for way in WAYS}
+    for number in range(rounds + WARM_UP):
+        for way, pipe in pipes.items():
+            pipe.send(number)
+            spent[way].append(pipe.recv())
+    for pipe in pipes.values():
+        pipe.send(None)
+    return {way: np.median(times[WARM_UP:], axis=0) for way, times in spent.items()}
+
+
+def print_table(rounds: int) -> None:
+    """Print the table of the documentation for this machine, with the name of its renderer."""
+    opened = open_context()
+    print(f"OpenGL: {opened.info['GL_RENDERER']}; elapsed (processor time) of a picture, ms\n")
+    opened.release()
+    medians = [measured(size, rounds) for size in SIZES]
+    print("| | " + " | ".join(f"{width} x {height}" for width, height in SIZES) + " |")
+    print("|---" * (1 + len(SIZES)) + "|")
+    for way, name in NAMES.items():
+        cells = [
+            f"{wall_ms:.1f} ({cpu_ms:.1f})" for wall_ms, cpu_ms in (one[way] for one in medians)
+        ]
+        print(f"| {name} | " + " | ".join(cells) + " |")
+
+
 def main() -> int:
     """Measure, print, and compare with --check."""
     parser = argparse.ArgumentParser(prog="benchmarks.camera", description=__doc__)
     add_options(parser)
     parser.add_argument("--size", default="1280x720", metavar="WxH")
     parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--table", action="store_true", help="print a table of several sizes")
     options = parser.parse_args()
+    if options.table:
+        print_table(options.rounds)
+        return 0
     width, height = (int(word) for word in options.size.split("x"))
-    context = multiprocessing.get_context("spawn")
-    pipes: dict[str, Connection] = {}
-    for way in WAYS:
-        pipes[way], there = context.Pipe()
-        arguments = (way, (width, height), there)
-        context.Process(target=paint, args=arguments, daemon=True).start()
-        there.close()  # so that the end of the process is noticed
-    spent: dict[str, list[Floats]] = {way: [] for way in WAYS}
-    for number in range(options.rounds + WARM_UP):
-        for way, pipe in pipes.items():
-            pipe.send(number)
-            spent[way].append(pipe.recv())
-    for pipe in pipes.values():
-        pipe.send(None)
-    medians = {way: np.median(times[WARM_UP:], axis=0) for way, times in spent.items()}
+    medians = measured((width, height), options.rounds)
     print(f"camera {options.size}, color and depth, {options.rounds} pictures each")
     for way, (wall_ms, cpu_ms) in medians.items():
         print(f"  {way:16} cpu_ms={cpu_ms:.1f} wall_ms={wall_ms:.1f}")

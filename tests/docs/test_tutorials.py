@@ -36,9 +36,10 @@ PROGRAMS = f"{OUT.resolve()}/environments/*/bin/{{kiss_icp_pipeline,evo_ape}}"
 PIP = ".venv/bin/python -m pip install --quiet --no-deps --no-index --no-build-isolation"
 
 INSTEAD = {
+    "make setup": Instead("", "must not set up the environment of the tests again"),
     "make run DURATION=10": Instead("", "takes long; tests/system/test_main_job.py"),
     "make run": Instead(
-        "make --old-file=.venv/.ready run", "must not set up the environment of the tests again"
+        "make --old-file=.venv/.ready-run run", "must not set up the environment of the tests again"
     ),
     ".venv/bin/groundlink drive": Instead("", "reads keys; tests/system/test_driver.py"),
     ".venv/bin/groundlink view": Instead("", "opens a window; tests/system/test_view.py"),
