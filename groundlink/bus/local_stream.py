@@ -147,6 +147,8 @@ class LocalSource:
         self._ahead: deque[bytes] = deque(maxlen=QUEUED)
         """Messages of the socket that the router has still to deliver, or that are next."""
 
+        self._is_cut_off = False
+
     def found(self, name: str) -> None:
         """Connect to a publisher that has announced itself, if it is on this machine."""
         connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -161,6 +163,10 @@ class LocalSource:
             self._offered.put(connection)
         else:
             connection.close()
+
+    def cut_off(self) -> None:
+        """Leave the publisher: the router is lost, and with it the rest of the run."""
+        self._is_cut_off = True
 
     def receive(self) -> bytes:
         """Return the next payload; an empty one if none has come for `WAKE_SECONDS` or less."""
@@ -182,6 +188,7 @@ class LocalSource:
 
     def _next(self, flags: int) -> bytes | None:
         if self._routed is not None:
+            self._is_cut_off = False
             payload = self._routed.poll() if flags else self._routed.receive()
             if payload:
                 self._join(self._routed, payload)
@@ -191,12 +198,14 @@ class LocalSource:
     def _taken(self, flags: int) -> bytes | None:
         """Return the next payload of the socket; at its end, go back to the router."""
         assert self._local is not None
-        try:
-            payload = self._local.recv(LARGEST_BYTES, flags)
-        except BlockingIOError:
-            return None
-        except OSError:
-            payload = b""
+        payload = b""
+        if not self._is_cut_off:
+            try:
+                payload = self._local.recv(LARGEST_BYTES, flags)
+            except BlockingIOError:
+                return None
+            except OSError:
+                pass  # the publisher was killed
         if not payload:
             self._local.close()
             self._local = None

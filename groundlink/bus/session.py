@@ -82,6 +82,7 @@ class Bus:
         foreign: bool = False,
     ) -> None:
         self._declared: list[Any] = []
+        self._local_sources: list[LocalSource] = []
         self._is_router = listen is not None
         self._connections = 0
         for endpoint in filter(None, (connect, listen)):
@@ -128,6 +129,9 @@ class Bus:
 
     def _on_connection(self, event: zenoh.TransportEvent) -> None:
         self._connections += event.kind == zenoh.SampleKind.PUT
+        if event.kind == zenoh.SampleKind.DELETE:
+            for source in self._local_sources:
+                source.cut_off()
 
     def __enter__(self) -> "Bus":
         return self
@@ -263,6 +267,7 @@ class Bus:
                 if is_there:
                     local_source.found(token.removeprefix(prefix))
 
+            self._local_sources.append(local_source)
             self.watch(f"{prefix}*", found)
         else:
             source = _RoutedSource(self._session, key, depth)

@@ -173,3 +173,19 @@ def test_a_message_that_is_too_large_ends_the_stream(make: Make) -> None:
         one.routed[-1].come.append(large)
         stream.send(large)
         assert one.take() == [large]
+
+
+def test_who_is_cut_off_from_the_router_gets_nothing_until_both_are_back(make: Make) -> None:
+    """Otherwise a sensor would publish readings that nobody receives and none reports missing."""
+    stream, subscriber = make(LocalStream), make(Subscriber)
+    join(stream, subscriber)
+    subscriber.source.cut_off()
+    for payload in numbers(1, 3):
+        stream.send(payload)
+    assert subscriber.take() == []
+    assert [routed.is_declared for routed in subscriber.routed] == [False, True]
+    subscriber.routed[-1].come.append(b"4")
+    assert subscriber.take() == [b"4"]
+    join(stream, subscriber)
+    stream.send(b"5")
+    assert subscriber.take() == [b"5"]
