@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from groundlink.bus.topics import driver_names
 from groundlink.cli import Subparsers
 from groundlink.cli.expectations.output import (
     add_junit_option,
@@ -115,9 +116,8 @@ def record(options: argparse.Namespace) -> int:
         *("--duration", f"{options.duration:g}"),
         *(() if options.realtime else ("--ordered",)),
     ]
-    for name in commands:
-        if name != "physics":
-            commands["physics"] += ["--wait-for", name]
+    for name in (*scenario.sensor_names(), *driver_names(scenario), running.RECORDER):
+        commands["physics"] += ["--wait-for", name]
     supervised_run = supervised.SupervisedRun(
         *(commands, run, options.listen, console),
         finite={running.RECORDER},
