@@ -213,7 +213,7 @@ def loaded_by(*modules: str) -> dict[str, str]:
     [
         (("services.router.__main__",), 25),
         (("services.sensors.imu.__main__", "services.sensors.imu.model"), 104),
-        (("services.gateway.__main__",), 164),
+        (("services.gateway.__main__",), 165),
     ],
     ids=["router", "imu", "gateway"],
 )
