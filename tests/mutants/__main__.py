@@ -81,11 +81,13 @@ class Copy:
     @contextmanager
     def _compiled(self, file: str) -> Iterator[None]:
         """Compile the extension module that a source belongs to, as its distribution would."""
-        base = self._folder / ("udp-bridge" if file.startswith("udp-bridge/") else "")
+        beside = "udp-bridge/" if file.startswith("udp-bridge/") else ""
+        base, source = self._folder / beside, file.removeprefix(beside)
         project = tomllib.loads((base / "pyproject.toml").read_text(encoding="utf-8"))
-        [module] = project["tool"]["setuptools"]["ext-modules"]
-        stem = module["name"].rpartition(".")[2] + "."
-        [out] = (path for path in _built(base) if path.name.startswith(stem))
+        modules = project["tool"]["setuptools"]["ext-modules"]
+        [module] = (module for module in modules if source in module["sources"])
+        stem = module["name"].replace(".", "/") + "."
+        [out] = (path for path in _built(base) if stem in path.as_posix())
         before = out.read_bytes()
         include = f"-I{sysconfig.get_path('include')}"
         command = ["cc", "-shared", "-fPIC", include, *module["extra-compile-args"]]
