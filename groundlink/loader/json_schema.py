@@ -22,7 +22,7 @@ from groundlink.importing.terrain_specs import TerrainSpec
 from groundlink.scenario.route import Route
 from groundlink.scenario.schema import Scenario, Sensor, Vehicle, World
 from groundlink.scenario.vehicle import VehicleModel
-from groundlink.world.solids import Mesh
+from groundlink.world.solids import Material, Mesh
 from groundlink.world.terrain import Terrain
 
 from .scatter import Scatter
@@ -41,8 +41,8 @@ TOPIC_IN_FILES = r"^[A-Za-z0-9_/]+$"
 _TOPICS = (r"^/[A-Za-z0-9_/]+$", TOPIC_IN_FILES)
 """Patterns of topics in a resolved scenario, and in files."""
 
-_BY_NAME = ((Scenario, "world"), (Vehicle, "model"), (Vehicle, "route"))
-"""Fields whose value may be the name of a file."""
+_BY_NAME = ((Scenario, "world"), (Vehicle, "model"), (Vehicle, "route"), (Material, "soil"))
+"""Fields whose value may be the name of a file, or of a soil of the library."""
 
 RESOLVED = (Terrain, Mesh)
 """Types that the loader makes of the first of `_IN_FILES`; people do not write them."""

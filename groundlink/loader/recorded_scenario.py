@@ -19,7 +19,7 @@ from groundlink.scenario.sensor_kinds import sensor_kinds
 from .checks import check_scenario
 from .datasheets import shipped_figures
 from .document import DataPath, Document, SourceLine
-from .material_library import with_library_materials
+from .material_library import define_soils, with_library_materials
 from .namespaces import into_namespaces
 from .overrides import Change
 from .scenario_files import follow_sensor
@@ -55,6 +55,7 @@ def with_changes(scenario: Scenario, changes: Iterable[Change]) -> Scenario:
         if title is not None and SHEET not in sensor:
             sensor[SHEET] = title
     into_namespaces(document)
+    define_soils(document)
     changed = with_library_materials(convert(document, Scenario))
     check_scenario(changed, document)
     return changed

@@ -28,7 +28,7 @@ from . import urdf
 from .asset_import import import_assets
 from .checks import check_expectations, check_scenario, check_speeds
 from .document import DataPath, Document, ScenarioError, read
-from .material_library import with_library_materials
+from .material_library import define_soils, with_library_materials
 from .overrides import Change
 from .scatter import place_scatter
 from .terrain_placement import place_outdoors, place_solids
@@ -116,6 +116,7 @@ def resolved(
     place_outdoors(document)
     place_solids(document)
     into_namespaces(document)
+    define_soils(document)
     return with_library_materials(convert(document, Scenario))
 
 

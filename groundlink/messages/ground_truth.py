@@ -9,7 +9,7 @@ included.
 from typing import Annotated
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType
 from numpy.typing import NDArray
 
 from .base import POINT, BusMessage, Reading, exactly, floats, whole
@@ -185,8 +185,23 @@ class BatteryState(Struct, frozen=True):
     current_a: float
 
 
+class WheelInSoil(Struct, frozen=True):
+    """A wheel on soft soil."""
+
+    wheel: str
+    """Name of the wheel in the vehicle's model."""
+
+    slip: float
+    """Of a driven wheel 1 - v / (r w), of a braked wheel (r w) / v - 1, in the direction of travel:
+    1 for a wheel that spins on the spot, -1 for a locked one. It follows over the way in which slip
+    digs, a radius of the wheel."""
+
+    sinkage_m: float
+    """Depth of the wheel's lowest point below the untouched surface."""
+
+
 class Vitals(BusMessage, frozen=True):
-    """Motor energy, contacts and battery of a vehicle, 10 times per second of sim time.
+    """Motor energy, contacts, battery and sinkage of a vehicle, 10 times per second of sim time.
 
     Energies are sums since the start of the run; contacts are those since the last message. Contact
     of wheels with the ground is not included.
@@ -206,3 +221,6 @@ class Vitals(BusMessage, frozen=True):
 
     battery: BatteryState | None = None
     """Battery; none if the vehicle's model has no battery."""
+
+    soil: tuple[WheelInSoil, ...] | UnsetType = UNSET
+    """Wheels that stand on soil. Left out where none does."""

@@ -7,13 +7,14 @@ played without the package groundlink_msgs.
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
+from msgspec import UNSET
 
 from groundlink.episode.fault_messages import Faults
 from groundlink.messages.base import NOT_REPORTED, Health, M, StreamReport
-from groundlink.messages.ground_truth import BatteryState, Contact, Vitals
+from groundlink.messages.ground_truth import BatteryState, Contact, Vitals, WheelInSoil
 from groundlink.messages.missing_readings import MissingReadings, MissingSpan, in_words, parted
 from groundlink.scenario.faults import Fault
 
@@ -23,11 +24,16 @@ from .types import STORE, TYPES, header, nanos
 DIAGNOSTICS_TOPIC = "/diagnostics"
 DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 
+T = TypeVar("T")
+
 OK, WARN, ERROR = 0, 1, 2
 """Levels of diagnostic_msgs/DiagnosticStatus."""
 
 CONTACT_PREFIX = "contact "
 """Prefix of the keys of contacts; the name of the touched object follows."""
+
+SOIL_PREFIX = "soil "
+"""Prefix of the keys of wheels in soil; the wheel's name follows."""
 
 FAULT_PREFIX = "fault "
 """Prefix of the keys of faults; the fault's number follows."""
@@ -85,6 +91,9 @@ def _vitals(message: Vitals) -> dict[str, Any]:
     }
     if message.battery:
         facts[_BATTERY] = msgspec.json.encode(message.battery).decode()
+    for wheel in message.soil or ():
+        depth = {"slip": wheel.slip, "sinkage_m": wheel.sinkage_m}
+        facts[SOIL_PREFIX + wheel.wheel] = msgspec.json.encode(depth).decode()
     for contact in message.contacts:
         rest = {"force_n": contact.force_n, "tick": contact.tick, "ticks": contact.ticks}
         facts[CONTACT_PREFIX + contact.name] = msgspec.json.encode(rest).decode()
@@ -98,20 +107,29 @@ def _vitals(message: Vitals) -> dict[str, Any]:
 def from_vitals(array: Any) -> Vitals:
     """Return the vitals in a DiagnosticArray of their codec; ValueError if it has another form."""
     vehicle, facts = _the_only(array)
-    contacts = tuple(
-        msgspec.convert(
-            {"name": key.removeprefix(CONTACT_PREFIX)} | msgspec.json.decode(value), Contact
-        )
-        for key, value in facts.items()
-        if key.startswith(CONTACT_PREFIX)
-    )
     try:
         tick, work, braked = (facts[name] for name in ("tick", "motor_work_j", "braked_j"))
     except KeyError as error:
         raise ValueError(f"no value {error}") from None
     battery = msgspec.json.decode(facts[_BATTERY], type=BatteryState) if _BATTERY in facts else None
     return Vitals(
-        nanos(array.header.stamp), vehicle, int(tick), float(work), float(braked), contacts, battery
+        nanos(array.header.stamp),
+        vehicle,
+        int(tick),
+        float(work),
+        float(braked),
+        _named(facts, CONTACT_PREFIX, "name", Contact),
+        battery,
+        _named(facts, SOIL_PREFIX, "wheel", WheelInSoil) or UNSET,
+    )
+
+
+def _named(facts: Mapping[str, str], prefix: str, field: str, kind: type[T]) -> tuple[T, ...]:
+    """Return the structured values whose keys are a prefix and what belongs into a field."""
+    return tuple(
+        msgspec.convert({field: key.removeprefix(prefix)} | msgspec.json.decode(value), kind)
+        for key, value in facts.items()
+        if key.startswith(prefix)
     )
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from . import cameras, inertial, ranging, satellites, vehicles, wheels
+from . import cameras, inertial, ranging, satellites, soils, vehicles, wheels
 from .page_style import save, styled
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "pictures" / "models"
@@ -31,6 +31,9 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "lidar_sun": ranging.lidar_sun,
     "lidar_weather": ranging.lidar_weather,
     "range_finder": ranging.range_finder,
+    "soil_slopes": soils.slopes,
+    "soil_track": soils.track,
+    "soil_wheel": soils.wheel,
     "vehicle_motor": vehicles.motor,
     "vehicle_skid": vehicles.skid,
     "vehicle_steering": vehicles.steering,

@@ -24,6 +24,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {
     "bullet_push": (None, c_void_p, c_void_p, c_size_t),
     "bullet_contacts": (None, c_void_p, c_void_p),
     "contacts_free": (None, c_void_p),
+    "soil_table_at": (None, c_void_p, *[c_double] * 3, c_void_p),
     "tire_lift": (None, c_void_p),
     "tire_meet": (None, c_void_p, *[c_double] * 5),
     "tire_along": (None, c_void_p, c_double, c_void_p),

@@ -11,10 +11,12 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from msgspec import UnsetType
+
 from groundlink.core.frames import Floats, matrix_from_quaternion
 from groundlink.world.bounds import bounds
 from groundlink.world.roughness import Roughness, smooth
-from groundlink.world.solids import Box, Material, Mesh, Solid
+from groundlink.world.solids import Box, Material, Mesh, Soil, Solid
 
 from .backend import GROUND, MAX_SOLIDS, OBSTACLE, Backend, Surface
 
@@ -31,11 +33,13 @@ LEVEL_COSINE = 0.9999
 
 @dataclass(frozen=True)
 class StaticBody:
-    """A body that stands for some solids of one friction and roughness."""
+    """A body that stands for some solids of one friction, roughness and soil."""
 
     friction: float
     roughness: float
     """Heights of its roughness, in units of those of class A."""
+
+    soil: Soil | UnsetType
 
     solids: Sequence[Solid]
 
@@ -61,21 +65,21 @@ def add_statics(
         height of the lowest terrain beneath a box, by the box's corners.
     """
     statics: dict[int, StaticBody] = {}
-    alike: dict[tuple[object, int, float, float], list[Solid]] = defaultdict(list)
+    alike: dict[tuple[object, int, float, float, Soil | UnsetType], list[Solid]] = defaultdict(list)
     for solid in solids:
         low, high = bounds(solid)
         alone = max(high - low) >= CELL_M or isinstance(solid.shape, Mesh)
         cell = solid.name if alone else tuple((low + high) // (2 * CELL_M))
         rolled = solid.drivable or _is_ramp(solid) or high[2] - lowest_m(low, high) <= clearance_m
         group = GROUND if rolled else OBSTACLE
-        material = solid.material
-        alike[cell, group, materials[material].friction, roughness(material)].append(solid)
-    for (_, group, friction, rough), members in alike.items():
+        name, material = solid.material, materials[solid.material]
+        alike[cell, group, material.friction, roughness(name), material.soil].append(solid)
+    for (_, group, friction, rough, soil), members in alike.items():
         for first in range(0, len(members), MAX_SOLIDS):
             some = members[first : first + MAX_SOLIDS]
             # With a restitution of 1 here, that of the chassis decides.
             body = backend.add_body(some, Surface(friction, 1.0, group))
-            statics[body] = StaticBody(friction, rough, some)
+            statics[body] = StaticBody(friction, rough, soil, some)
     return statics
 
 

@@ -89,6 +89,7 @@ class TerrainWindows:
         self.ground = ground
         self._windows: list[tuple[TerrainWindow, CarriedBody]] = []
         self.frictions = [materials[name].friction for name in ground.materials]
+        self.soils = [materials[name].soil for name in ground.materials]
         self.roughness = [roughness(name) for name in ground.materials]
         # A view of the bytes: for one cell it takes a third of an array's time.
         self._surface = ground.surface.data

@@ -51,6 +51,8 @@ static void meet(struct wheel *wheel, const double velocity[3], const double tur
     struct steering_joint *steering = wheel->steering;
     if (!wheel->touches) {
         groundlink_tire_lift(wheel->tire);
+        if (wheel->soil)
+            groundlink_soil_wheel_leave(wheel->soil);
         if (steering)
             groundlink_steering_joint_turn(steering, 0.0, 0.0);
         return;
@@ -75,7 +77,8 @@ static void meet(struct wheel *wheel, const double velocity[3], const double tur
     }
     for (int k = 0; k < 3; k++) {
         wheel->forward[k] = f[k] / size;
-        wheel->foot[k] = wheel->center[k] + (k == 2 ? spring->position : 0.0) - wheel->radius * n[k];
+        wheel->foot[k] = wheel->center[k] + (k == 2 ? spring->position - sinkage(wheel) : 0.0) -
+                         wheel->radius * n[k];
     }
     cross(n, wheel->forward, wheel->left);
     const double *r = wheel->foot;
@@ -84,8 +87,12 @@ static void meet(struct wheel *wheel, const double velocity[3], const double tur
         velocity[1] + turn[2] * r[0] - turn[0] * r[2],
         velocity[2] + turn[0] * r[1] - turn[1] * r[0] + spring->velocity,
     };
-    groundlink_tire_meet(wheel->tire, dot(wheel->forward, moves), dot(wheel->left, moves), grip,
-                         wheel->resistance * load, load);
+    double forward = dot(wheel->forward, moves), left = dot(wheel->left, moves);
+    double resisting = wheel->resistance * load;
+    if (wheel->soil)
+        groundlink_soil_wheel_meet(wheel->soil, wheel->tire, forward, left, grip, resisting, load);
+    else
+        groundlink_tire_meet(wheel->tire, forward, left, grip, resisting, load);
 }
 
 /* Turn all shafts for a tick; return the rate of their angular momentum about y, N m. */
@@ -138,7 +145,12 @@ void groundlink_running_gear_go(struct running_gear *gear, const double velocity
         if (!wheel->touches)
             continue;
         double grip[2], pull[3], arm[3], moment[3];
-        groundlink_tire_settle(wheel->tire, wheel->shaft ? wheel->shaft->tread : 0.0, grip);
+        double tread = wheel->shaft ? wheel->shaft->tread : 0.0;
+        groundlink_tire_settle(wheel->tire, tread, grip);
+        if (wheel->soil) {
+            wheel->soil->tread = tread;
+            grip[0] += wheel->soil->drag_force;
+        }
         for (int k = 0; k < 3; k++) {
             pull[k] = grip[0] * wheel->forward[k] + grip[1] * wheel->left[k];
             arm[k] = wheel->foot[k] - com[k];

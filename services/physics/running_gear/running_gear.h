@@ -7,12 +7,28 @@
 #define GROUNDLINK_RUNNING_GEAR_H
 
 #include "../dynamics/bodies.h"
+#include "../soil/table.h"
+
+/* Number of ground that is no soil. */
+#define FIRM -1.0
 
 struct tire {
     double axle_ratio, axle_ratio_squared, stiffness, sticking;
     double cornering_stiffness, slip_load; /* of a tire that creeps; else 0 */
     double along, aside, x, y;
     double firmness, limit, resisting, rolling;
+};
+
+struct soil_wheel {
+    const struct soil_table *const *tables; /* of each soil, forward and backward */
+    const struct soil_wheel *leaders[2];    /* that press the soil before it, likewise; or NULL */
+    double apart[2];
+    double width, digging, spring, firm_ratio;
+    double travel, stop; /* of its spring: beyond the first it is as stiff as the second */
+    int32_t swivels;
+    double tread, rut, slip, sinkage;
+    double drag, drag_force;
+    double soil, under; /* number of the soil in the last tick and in this one, or FIRM */
 };
 
 struct shaft {
@@ -45,6 +61,7 @@ struct wheel {
     struct tire *tire;
     struct shaft *shaft;            /* NULL: it does not turn */
     struct steering_joint *steering; /* NULL: it is not steered */
+    struct soil_wheel *soil;         /* NULL: all ground is firm */
     /* Contact with the ground in the last step. */
     int32_t touches;
     double grip, normal[3];
@@ -66,11 +83,21 @@ struct running_gear {
     double drove, braked; /* sums of the last two over all ticks */
 };
 
+/* Depth of a wheel below the surface of the ground, on which it stands in the engine. */
+static inline double sinkage(const struct wheel *wheel)
+{
+    return wheel->soil ? wheel->soil->sinkage : 0.0;
+}
+
 void groundlink_tire_lift(struct tire *);
+void groundlink_tire_stick(struct tire *, double, double, double, double);
 void groundlink_tire_meet(struct tire *, double, double, double, double, double);
 void groundlink_tire_along(const struct tire *, double, double[2]);
 void groundlink_tire_settle(struct tire *, double, double[2]);
 void groundlink_shaft_turn(struct shaft *, double, double);
+void groundlink_soil_wheel_leave(struct soil_wheel *);
+void groundlink_soil_wheel_meet(struct soil_wheel *, struct tire *, double, double, double, double,
+                                double);
 void groundlink_motors_limits(const struct motors *, double, double, double[2]);
 double groundlink_motors_power(const struct motors *, double, double);
 double groundlink_battery_draw(struct battery *, double);

@@ -20,6 +20,7 @@ from services.physics.dynamics.memory import PartWithMemory
 
 from .motor import BatteryCharge, Motors
 from .shaft import TurningShaft
+from .soil_wheel import SoilWheel
 from .tire import Tire
 
 _VECTOR = c_double * 3
@@ -111,6 +112,7 @@ class RollingWheel(Structure):
         ("_tire", POINTER(Tire)),
         ("_shaft", POINTER(TurningShaft)),
         ("_steering", POINTER(SteeringJoint)),
+        ("_soil", POINTER(SoilWheel)),
         ("_touches", c_int32),
         ("_grip_n", c_double),
         ("_normal_n", _VECTOR),
@@ -138,13 +140,15 @@ class RollingWheel(Structure):
         preload_n: float,
         tire: Tire,
         steering_joint: SteeringJoint | None,
+        soil: SoilWheel | None,
     ) -> None:
-        self.tire = tire
+        self.tire, self.soil = tire, soil
         self.shaft: TurningShaft | None = None
         super().__init__(
             *(_VECTOR(*wheel.center_m), wheel.radius_m, wheel.friction, wheel.rolling_resistance),
             *(1.0, preload_n, suspension.stiffness_npm, suspension.damping_nspm),
             *(pointer(tire), None, steering_joint and pointer(steering_joint)),
+            soil and pointer(soil),
             under=IN_AIR,
         )
 
@@ -210,6 +214,8 @@ class RunningGear(Structure):
         force of each wheel's spring at rest.
     borne_kg
         the mass that rests on each wheel on level ground.
+    sinking
+        the wheels in a world with soils; empty: all ground is firm.
     """
 
     MEMORY = ("_voltage_share", "driving_w", "braking_w")
@@ -234,7 +240,11 @@ class RunningGear(Structure):
     work: MotorWork
 
     def __init__(
-        self, model: VehicleModel, preloads_n: Sequence[float], borne_kg: Sequence[float]
+        self,
+        model: VehicleModel,
+        preloads_n: Sequence[float],
+        borne_kg: Sequence[float],
+        sinking: Sequence[SoilWheel | None] = (),
     ) -> None:
         self._charge = BatteryCharge(model.battery) if model.battery else None
         joints = steering_joints(model)
@@ -246,8 +256,13 @@ class RunningGear(Structure):
                 preload,
                 Tire(borne_kg=mass, axle_ratio=wheel.axle_friction_ratio, slip=model.tire_slip),
                 joints.get(wheel.name),
+                soil,
             )
-            for wheel, preload, mass in zip(model.wheels, preloads_n, borne_kg, strict=True)
+            for wheel, preload, mass, soil in zip(
+                *(model.wheels, preloads_n, borne_kg),
+                sinking or [None] * len(model.wheels),
+                strict=True,
+            )
         ]
         self._driven: list[TurningShaft] = []
         self._free: list[TurningShaft] = []
@@ -299,8 +314,10 @@ class RunningGear(Structure):
     def parts(self) -> list[PartWithMemory]:
         """Return the gear and all of its parts that have inner state."""
         tires = (wheel.tire for wheel in self.wheels)
+        sinking = (wheel.soil for wheel in self.wheels if wheel.soil)
         charge = [self._charge] if self._charge else []
-        return [self, *self._driven, *self._free, *tires, *self._steering_joints, *charge]
+        shafts = [*self._driven, *self._free]
+        return [self, *shafts, *tires, *self._steering_joints, *charge, *sinking]
 
     def angles(self) -> tuple[float, ...]:
         """Return the angles of the steered wheels."""

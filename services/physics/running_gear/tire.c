@@ -33,8 +33,9 @@ static double secant(const struct tire *tire, double load)
     return used < SMALL ? stiffness : stiffness * used / (3 * (1 - cbrt(1 - used)));
 }
 
-void groundlink_tire_meet(struct tire *tire, double forward, double left, double limit,
-                          double resisting, double load)
+/* Meet ground that the tread does not leave. */
+void groundlink_tire_stick(struct tire *tire, double forward, double left, double limit,
+                           double resisting)
 {
     /* In coordinates where the friction ellipse is a circle. */
     tire->firmness = tire->sticking;
@@ -42,6 +43,12 @@ void groundlink_tire_meet(struct tire *tire, double forward, double left, double
     tire->aside = -tire->stiffness * tire->y - tire->firmness * left * tire->axle_ratio;
     tire->limit = limit;
     tire->resisting = resisting;
+}
+
+void groundlink_tire_meet(struct tire *tire, double forward, double left, double limit,
+                          double resisting, double load)
+{
+    groundlink_tire_stick(tire, forward, left, limit, resisting);
     if (tire->slip_load == 0.0 || limit <= 0.0 || tire->rolling == 0.0)
         return;
     /* The tread deflects by what is left of the slip after the creep that its force causes. */

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence, Set
 from contextlib import closing
 from typing import Self
 
-from msgspec import Struct, msgpack
+from msgspec import UNSET, Struct, msgpack
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS
@@ -26,7 +26,7 @@ from groundlink.world.solids import Material, Solid, Sphere
 from groundlink.world.terrain import Ground
 from services.physics.dynamics.backend import Backend, Pose, Twist
 from services.physics.dynamics.bullet import BulletBackend
-from services.physics.dynamics.ground import GroundTable
+from services.physics.dynamics.ground import GroundTable, soils_of
 from services.physics.dynamics.statics import StaticBody, add_statics
 from services.physics.dynamics.terrain import CarriedBody, NoTerrain, TerrainWindows, reach_of
 from services.physics.vehicle.fleet import Fleet
@@ -108,7 +108,8 @@ class Simulation:
             if mapped
             else NoTerrain()
         )
-        self._ground = GroundTable(self._terrain)
+        self._soils = soils_of(materials)
+        self._ground = GroundTable(self._terrain, self._soils)
         self._statics: dict[int, StaticBody] = {}
         self._vehicles: dict[str, SimulatedVehicle] = {}
         self._models: dict[str, VehicleModel] = {}
@@ -185,7 +186,7 @@ class Simulation:
         )
         self._statics |= statics
         for body, static in statics.items():
-            self._ground.add(body, static.friction, static.roughness)
+            self._ground.add(body, static)
         self._bodies |= {body: static.solids for body, static in statics.items()}
         for described in scenario.vehicles:
             if described.name not in self._vehicles:
@@ -225,6 +226,7 @@ class Simulation:
             self._backend,
             described,
             ground=self._terrain.ground,
+            soils=self._soils,
             rough=self._rough,
             epoch_nanos=self._epoch_nanos,
         )
@@ -372,6 +374,7 @@ class Simulation:
                 vehicle.running_gear.work.braked_j,
                 vehicle.contacts.report(self._bodies),
                 vehicle.running_gear.battery(),
+                vehicle.wheels_in_soil() or UNSET,
             )
             for name, vehicle in self._vehicles.items()
         ]
@@ -407,7 +410,7 @@ def settled(
     flat ground springs start at their loaded rest, and nothing is computed. A vehicle that slides,
     as on ice, or starts above the ground, starts where `groundlink.scene.spawn_pose` puts it.
 
-    Effects do not act: a running engine never comes to rest.
+    Effects do not act: a running engine never comes to rest. Wheels do not sink yet.
 
     Kinetic damping: all motion is taken away whenever it begins to slow down. Otherwise springs
     would swing beyond their rest, and a tall vehicle would tip over.
@@ -417,7 +420,7 @@ def settled(
     with closing(new_backend()) as backend:
         terrain = TerrainWindows(backend, ground, materials)
         it = SimulatedVehicle(backend, replace(vehicle, effects=()), ground=ground)
-        fleet = Fleet(backend, {vehicle.name: it}, GroundTable(terrain))
+        fleet = Fleet(backend, {vehicle.name: it}, GroundTable(terrain, soils_of(materials)))
         terrain.carry(it, vehicle.model.name, reach_of(vehicle.model))
         still, fastest, rises = 0, 0.0, False
         for tick in range(MAX_TICKS):

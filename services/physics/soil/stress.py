@@ -11,7 +11,7 @@ from math import pi, radians, tan
 import numpy as np
 
 from groundlink.core.frames import Floats
-from groundlink.world.soil import Soil
+from groundlink.world.solids import Soil
 from services.physics.dynamics.backend import GRAVITY_MPS2
 
 SHALLOW_M = 1e-9

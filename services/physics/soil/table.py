@@ -4,15 +4,15 @@
 Entries have seven digits, so that the last bits of a machine's mathematical functions do not count.
 """
 
-from bisect import bisect_right
 from collections.abc import Callable
+from ctypes import Structure, byref, c_double, c_size_t, c_void_p
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
 from groundlink.core.frames import Floats
-from groundlink.world.soil import Soil
+from groundlink.world.solids import Soil
+from services.physics.dynamics.kernels import kernels
 
 from .track import TrackSection, track_forces, track_sinkage
 from .wheel import SoilForces, wheel_forces, wheel_sinkage
@@ -20,16 +20,20 @@ from .wheel import SoilForces, wheel_forces, wheel_sinkage
 LOADS = np.geomspace(0.04, 6.0, 30)
 """In units of the nominal load."""
 
-STEEP = np.geomspace(2e-3, 1.0, 20)
+STEEP = np.geomspace(5e-4, 1.0, 24)
 SLIPS = np.concatenate((-STEEP[::-1], [0.0], STEEP))
 
 RUTS = np.linspace(0.0, 1.0, 5)
 """Depth of the rut in units of the sinkage in untouched soil at this load and slip."""
 
 
-class SoilResponse(NamedTuple):
+class SoilResponse(Structure):
     """What the soil does to a wheel at a load, a slip and a rut."""
 
+    _fields_ = tuple(
+        (name, c_double)
+        for name in ("sinkage_m", "thrust_n", "resistance_n", "side_n", "free_n", "most_n")
+    )
     sinkage_m: float
     thrust_n: float
     resistance_n: float
@@ -41,11 +45,8 @@ class SoilResponse(NamedTuple):
     """Thrust of a wheel that spins in place."""
 
 
-Row = tuple[float, float, float, float]
-
-
-class SoilTable:
-    """Responses of one soil to one kind of wheel or section of a track.
+class SoilTable(Structure):
+    """Responses of one soil to one kind of wheel or section of a track; `table.c` reads it.
 
     Parameters
     ----------
@@ -54,6 +55,15 @@ class SoilTable:
     load_n
         nominal load.
     """
+
+    _fields_ = (
+        ("_loads", c_void_p),
+        ("_slips", c_void_p),
+        ("_rows", c_void_p),
+        ("_load_count", c_size_t),
+        ("_rut_count", c_size_t),
+        ("_slip_count", c_size_t),
+    )
 
     def __init__(
         self,
@@ -67,52 +77,18 @@ class SoilTable:
         ruts = RUTS[None, :, None] * fresh
         sunk = sinkage(loads, slips, ruts)
         found = forces(sunk, loads, slips, ruts)
-        entries = np.stack([sunk, found.thrust_n, found.resistance_n, found.side_n], axis=-1)
-        self._loads: list[float] = (LOADS * load_n).tolist()
-        self._slips: list[float] = SLIPS.tolist()
-        # Indices: load, rut, slip.
-        self._rows: list[list[list[Row]]] = entries.astype(np.float32).astype(float).tolist()
-        self._still = len(SLIPS) // 2
+        rows = np.stack([sunk, found.thrust_n, found.resistance_n, found.side_n], axis=-1)
+        self._kept = loads.ravel(), SLIPS, rows.astype(np.float32).astype(np.float64)
+        super().__init__(*(kept.ctypes.data for kept in self._kept), *rows.shape[:3])
 
     def at(self, load_n: float, slip: float, rut: float = 0.0) -> SoilResponse:
         """Return the response at a load, a slip from -1 to 1, and a rut as a share from 0 to 1.
 
         Below the smallest load of the table all falls in proportion; beyond the largest it grows.
         """
-        loads, slips = self._loads, self._slips
-        scale = 1.0
-        if load_n < loads[0]:
-            scale, load_n = load_n / loads[0], loads[0]
-        i = min(bisect_right(loads, load_n), len(loads) - 1) - 1
-        a = (load_n - loads[i]) / (loads[i + 1] - loads[i])
-        k = min(bisect_right(slips, slip), len(slips) - 1) - 1
-        c = (slip - slips[k]) / (slips[k + 1] - slips[k])
-        place = rut * (len(RUTS) - 1)
-        j = min(int(place), len(RUTS) - 2)
-        b = place - j
-        still = self._still
-        z = thrust = resistance = side = free = most = 0.0
-        for rows, outer in ((self._rows[i], 1.0 - a), (self._rows[i + 1], a)):
-            for row, weight in ((rows[j], outer * (1.0 - b)), (rows[j + 1], outer * b)):
-                if weight == 0.0:
-                    continue
-                z0, thrust0, resistance0, side0 = row[k]
-                z1, thrust1, resistance1, side1 = row[k + 1]
-                low, high = weight * (1.0 - c), weight * c
-                z += low * z0 + high * z1
-                thrust += low * thrust0 + high * thrust1
-                resistance += low * resistance0 + high * resistance1
-                side += low * side0 + high * side1
-                free += weight * row[still][1]
-                most += weight * row[-1][1]
-        return SoilResponse(
-            scale * z,
-            scale * thrust,
-            scale * resistance,
-            scale * side,
-            scale * free,
-            scale * most,
-        )
+        response = SoilResponse()
+        kernels().soil_table_at(byref(self), load_n, slip, rut, byref(response))
+        return response
 
 
 @lru_cache(maxsize=64)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from groundlink.core.frames import Floats
-from groundlink.world.soil import Soil
+from groundlink.world.solids import Soil
 
 from .stress import passive_force_npm, pressure, rebound, repeated, shear, slip_sinkage
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Test track: a level floor with one vehicle on it, and what else is put there."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, radians, sin
 
@@ -16,7 +16,7 @@ from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Box, Material, Solid
 from services.physics.dynamics.backend import Backend
 from services.physics.dynamics.bullet import BulletBackend
-from services.physics.simulation.simulation import Simulation
+from services.physics.simulation.simulation import Simulation, SimulationMemory
 
 NAME = "it"
 """Name of the vehicle on the track."""
@@ -31,15 +31,17 @@ def put(
     *extra: Solid,
     at: Placement = Placement(),  # noqa: B008 - frozen
     floor: Sequence[Solid] = (FLOOR,),
+    materials: Mapping[str, Material] = MATERIALS,
+    memory: SimulationMemory | None = None,
     new_backend: Callable[[], Backend] = BulletBackend,
 ) -> Simulation:
     """Return a simulation of one vehicle on the floor and what else is there."""
     scenario = Scenario(
         name="track",
-        world=World(name="track", materials=MATERIALS),
+        world=World(name="track", materials={**materials}),
         vehicles=(Vehicle(name=NAME, model=model, placement=at),),
     )
-    return Simulation(scenario, (*floor, *extra), new_backend=new_backend)
+    return Simulation(scenario, (*floor, *extra), new_backend=new_backend, memory=memory)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from groundlink.core.frames import matrix_from_quaternion, rpy_from_matrix
 from groundlink.scenario.running_gear import Wheel
 from groundlink.scenario.vehicle import Chassis, VehicleModel
 from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid, Sphere
+from services.physics.soil.wheel import DEEPEST
 
 MAX_SPRING_FORCE_N = 1e7
 MAX_SPRING_SPEED_MPS = 10.0
@@ -28,8 +29,15 @@ HULL_DIRECTIONS = 64
 Element = ElementTree.Element
 
 
-def urdf(model: VehicleModel) -> str:
-    """Return a URDF document of a model; it refers to its meshes' hulls by `hull_file`."""
+def urdf(model: VehicleModel, *, sinks: bool = False) -> str:
+    """Return a URDF document of a model; it refers to its meshes' hulls by `hull_file`.
+
+    Parameters
+    ----------
+    sinks
+        whether the body comes down to the ground beyond the travel of its springs, since wheels
+        sink that stand on the ground here.
+    """
     robot = Element("robot", name=model.name)
     base = _sub(robot, "link", name=model.base_frame)
     chassis = model.chassis
@@ -39,7 +47,7 @@ def urdf(model: VehicleModel) -> str:
     for part in model.collisions:
         _collision(base, part.shape, part.position_m, _rpy(part))
     for wheel in model.wheels:
-        _wheel(robot, model, wheel)
+        _wheel(robot, model, wheel, DEEPEST * wheel.radius_m if sinks else 0.0)
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode")
 
@@ -88,7 +96,7 @@ def suspension_joint(wheel: Wheel) -> str:
     return f"{wheel.name}_suspension"
 
 
-def _wheel(robot: Element, model: VehicleModel, wheel: Wheel) -> None:
+def _wheel(robot: Element, model: VehicleModel, wheel: Wheel, sinking_m: float) -> None:
     """Add a wheel on its sliding joint."""
     name = f"{wheel.name}_link"
     slide = _sub(robot, "joint", name=suspension_joint(wheel), type="prismatic")
@@ -101,7 +109,7 @@ def _wheel(robot: Element, model: VehicleModel, wheel: Wheel) -> None:
         slide,
         "limit",
         lower=_text(-travel),
-        upper=_text(travel),
+        upper=_text(travel + sinking_m),
         effort=_text(MAX_SPRING_FORCE_N),
         velocity=_text(MAX_SPRING_SPEED_MPS),
     )

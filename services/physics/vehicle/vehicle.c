@@ -20,14 +20,16 @@ static int64_t within(int64_t value, int64_t last)
     return value < last ? value : last;
 }
 
-/* Find friction and roughness of the ground at a point of a body. */
+/* Find friction, roughness and soil of the ground at a point of a body. */
 static void find_ground(const struct ground *ground, int32_t body, const double point[3],
-                        double *friction, double *roughness)
+                        double *friction, double *roughness, double *soil)
 {
     *friction = *roughness = 0.0;
+    *soil = FIRM;
     if (body >= 0 && (size_t)body < ground->count && !isnan(ground->friction[body])) {
         *friction = ground->friction[body];
         *roughness = ground->roughness[body];
+        *soil = ground->soil[body];
     } else if (ground->surface) {
         int64_t row = (int64_t)((point[1] - ground->y0) / ground->cell);
         int64_t column = (int64_t)((point[0] - ground->x0) / ground->cell);
@@ -36,6 +38,7 @@ static void find_ground(const struct ground *ground, int32_t body, const double 
         uint8_t material = ground->surface[row * ground->columns + column];
         *friction = ground->material_friction[material];
         *roughness = ground->material_roughness[material];
+        *soil = ground->material_soil[material];
     }
 }
 
@@ -48,8 +51,10 @@ static int touch_wheel(struct vehicle *vehicle, const struct contact *contact,
         if (vehicle->body->joints[i].link != contact->link)
             continue;
         struct wheel *wheel = gear->wheels[i];
-        double friction, normal[3], world[3];
-        find_ground(ground, contact->other, contact->point, &friction, &wheel->under);
+        double friction, soil, normal[3], world[3];
+        find_ground(ground, contact->other, contact->point, &friction, &wheel->under, &soil);
+        if (wheel->soil)
+            wheel->soil->under = soil;
         for (int k = 0; k < 3; k++)
             world[k] = contact->normal[k] * contact->force;
         into_base(vehicle, world, normal);
@@ -72,6 +77,8 @@ size_t groundlink_vehicles_touch(struct vehicle **vehicles, size_t count,
         for (size_t k = 0; k < gear->wheel_count && !vehicles[i]->keeps_contacts; k++) {
             struct wheel *wheel = gear->wheels[k];
             wheel->touches = 0;
+            if (wheel->soil)
+                wheel->soil->under = FIRM;
             wheel->grip = wheel->normal[0] = wheel->normal[1] = wheel->normal[2] = 0.0;
         }
     }
@@ -133,10 +140,14 @@ void groundlink_vehicles_spring(struct vehicle **vehicles, size_t count)
         for (size_t k = 0; k < gear->wheel_count; k++) {
             const struct wheel *wheel = gear->wheels[k];
             struct joint *joint = &vehicles[i]->body->joints[k];
+            double position = joint->position - sinkage(wheel);
             /* Along the base's z on the wheel; a spring pushes it down by the load that rests on it. */
             joint->force = wheel->along_spring - wheel->preload -
-                           wheel->stiffness * (joint->position + wheel->raised) -
+                           wheel->stiffness * (position + wheel->raised) -
                            wheel->damping * (joint->velocity + wheel->raised_speed);
+            /* The engine's stop is beyond the deepest sinkage. */
+            if (wheel->soil && position > wheel->soil->travel)
+                joint->force -= wheel->soil->stop * (position - wheel->soil->travel);
         }
     }
 }
@@ -172,7 +183,7 @@ static void write_pose(const struct vehicle *vehicle, size_t place, char *pose)
 {
     const struct wheel *wheel = vehicle->gear->wheels[place];
     const double *q = vehicle->body->orientation, *c = wheel->center;
-    double cz = c[2] + vehicle->body->joints[place].position;
+    double cz = c[2] + vehicle->body->joints[place].position - sinkage(wheel);
     double ux = q[0], uy = q[1], uz = q[2], uw = q[3];
     if (wheel->steering) {
         /* A steered wheel is turned about z first. */

@@ -26,14 +26,14 @@ struct vehicle {
     char *link_poses, *base_velocity, *joint_positions, *joint_velocities; /* of the state */
 };
 
-/* Coefficients of friction and roughness of the ground; `ground.py` fills it. */
+/* Coefficients of friction, roughness and soils of the ground; `ground.py` fills it. */
 struct ground {
-    const double *friction, *roughness; /* of static bodies by number; NaN for others */
+    const double *friction, *roughness, *soil; /* of static bodies by number; NaN for others */
     size_t count;
     const uint8_t *surface; /* materials of the terrain's cells; NULL without terrain */
     int64_t rows, columns;
     double x0, y0, cell;
-    const double *material_friction, *material_roughness;
+    const double *material_friction, *material_roughness, *material_soil;
 };
 
 #endif

@@ -14,13 +14,14 @@ import numpy as np
 from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.frames import matrix_from_quaternion
 from groundlink.messages.base import VehicleState, floats, packed
+from groundlink.messages.ground_truth import WheelInSoil
 from groundlink.messages.navigation import JointState
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.vehicle import Bumper, VehicleModel
 from groundlink.scene.spawn_pose import spawn_pose
 from groundlink.world.mesh_asset import load_mesh
 from groundlink.world.roughness import RoughGround
-from groundlink.world.solids import Mesh, Solid
+from groundlink.world.solids import Mesh, Soil, Solid
 from groundlink.world.terrain import Ground
 from services.physics.dynamics.backend import (
     CHASSIS,
@@ -36,6 +37,7 @@ from services.physics.dynamics.chassis_contacts import ChassisContacts
 from services.physics.dynamics.kernels import kernels
 from services.physics.dynamics.memory import PartWithMemory, numbers_of, set_numbers
 from services.physics.running_gear.running_gear import GroundContact, RunningGear
+from services.physics.running_gear.soil_wheel import soil_wheels
 
 from .body_drag import body_drag
 from .controller import Controller, WheelTargets
@@ -83,6 +85,8 @@ class SimulatedVehicle(Structure):
     ----------
     ground
         the terrain at its placement; None: flat ground.
+    soils
+        of the world's ground; empty: all of it is firm.
     rough
         heights of rough ground; None: all is smooth.
     epoch_nanos
@@ -117,6 +121,7 @@ class SimulatedVehicle(Structure):
         vehicle: Vehicle,
         *,
         ground: Ground | None = None,
+        soils: Sequence[Soil] = (),
         rough: RoughGround | None = None,
         epoch_nanos: int = 0,
     ) -> None:
@@ -133,7 +138,7 @@ class SimulatedVehicle(Structure):
             if isinstance(mesh, Mesh)
         }
         self.articulated = body = backend.add_articulated(
-            urdf(model),
+            urdf(model, sinks=bool(soils)),
             hulls,
             [suspension_joint(wheel) for wheel in model.wheels],
             spawn_pose(vehicle, ground),
@@ -142,15 +147,15 @@ class SimulatedVehicle(Structure):
         self._count = count = len(model.wheels)
         preloads = _preloads(model)
         whole_kg = model.chassis.mass_kg + sum(wheel.mass_kg for wheel in model.wheels)
-        self.running_gear = RunningGear(
-            model,
-            preloads,
-            # A wheel held in the air counts with an equal share of the whole mass.
-            [
-                preload / GRAVITY_MPS2 + wheel.mass_kg if preload > 0.0 else whole_kg / count
-                for preload, wheel in zip(preloads, model.wheels, strict=True)
-            ],
-        )
+        # A wheel held in the air counts with an equal share of the whole mass.
+        borne_kg = [
+            preload / GRAVITY_MPS2 + wheel.mass_kg if preload > 0.0 else whole_kg / count
+            for preload, wheel in zip(preloads, model.wheels, strict=True)
+        ]
+        links = vibration.tread if (vibration := vehicle.model.vibration) else None
+        pitch_m = links.pitch_m if links else None
+        sinking = soil_wheels(model, borne_kg, soils, pitch_m) if soils else ()
+        self.running_gear = RunningGear(model, preloads, borne_kg, sinking)
         tread, engine = (v.tread, v.engine) if (v := model.vibration) else (None, None)
         self.ride = Ride(self.running_gear.wheels, rough, tread) if rough or tread else None
         self._engine_shake = (
@@ -398,6 +403,14 @@ class SimulatedVehicle(Structure):
         torques = (c_double * self._count)()
         kernels().vehicle_torques(byref(self), torques)
         return memoryview(torques).cast("B")
+
+    def wheels_in_soil(self) -> tuple[WheelInSoil, ...]:
+        """Return slip and sinkage of the wheels that stand on soil."""
+        return tuple(
+            WheelInSoil(described.name, soil.slip, soil.sinkage_m)
+            for described, wheel in zip(self._model.wheels, self.running_gear.wheels, strict=True)
+            if (soil := wheel.soil) and soil.is_in_soil
+        )
 
     def blank_state(self) -> VehicleState:
         """Return a state of the size of its states, with zeros."""

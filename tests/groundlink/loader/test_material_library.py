@@ -12,9 +12,10 @@ from groundlink.loader.material_library import material_library as library
 from groundlink.loader.partial_scenario import load_partial
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario.schema import Scenario
-from groundlink.scene.build import material_uses
+from groundlink.scene.build import material_uses, world_hash
 from groundlink.world.objects.indoor_specs import Clutter, Door, Furniture, Room
 from groundlink.world.objects.outdoor_specs import OutdoorObject
+from groundlink.world.solids import Soil
 from tests.groundlink.scenario.test_defaults import structs
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -96,6 +97,42 @@ def test_the_page_of_worlds_lists_the_library() -> None:
     section = page.partition("\n## Materials\n")[2].partition("\n## ")[0]
     rows = [line for line in section.splitlines() if line.startswith("| ")]
     assert re.findall(r"`(\w+)`", "".join(rows)) == list(library())
+
+
+def soft(folder: Path, soil: str) -> Scenario:
+    return room(folder, materials=f"materials: {{dunes: {{soil: {soil}}}}}", floor="dunes")
+
+
+def test_the_name_of_a_soil_means_its_parameters(tmp_path: Path) -> None:
+    named = soft(tmp_path, "dry_sand")
+    fields = material_library.soil_library()["dry_sand"]
+    stated = soft(tmp_path, str(fields).replace("'", ""))
+    assert named.world.materials["dunes"].soil == msgspec.convert(fields, Soil)
+    assert named == stated
+    assert world_hash(named) == world_hash(stated)
+
+
+def test_an_unknown_soil_is_named_with_the_nearest_of_the_library(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        soft(tmp_path, "dry_sant")
+    assert str(caught.value) == (
+        f"{tmp_path / 'test.yaml'}:4: `soil`: no soil `dry_sant`; did you mean `dry_sand`?"
+    )
+
+
+def test_a_soil_counts_in_the_hash_and_no_soil_does_not(tmp_path: Path) -> None:
+    firm = room(tmp_path, materials="materials: {dunes: {}}", floor="dunes")
+    assert "soil" not in msgspec.to_builtins(firm)["world"]["materials"]["dunes"]
+    hashes = {world_hash(firm)}
+    hashes |= {world_hash(soft(tmp_path, name)) for name in ("dry_sand", "lete_sand")}
+    assert len(hashes) == 3
+
+
+def test_the_page_of_worlds_lists_all_soils() -> None:
+    page = (ROOT / "docs" / "reference" / "worlds.md").read_text(encoding="utf-8")
+    section = page.partition("\n## Soils\n")[2].partition("\n## ")[0]
+    rows = [line for line in section.splitlines() if line.startswith("| ")]
+    assert sorted(re.findall(r"`(\w+)`", "".join(rows))) == sorted(material_library.soil_library())
 
 
 def test_a_definition_has_a_texture_and_a_color() -> None:

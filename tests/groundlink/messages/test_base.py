@@ -110,7 +110,10 @@ EXAMPLES: list[BusMessage] = [
     Relayed(22, "nav_msgs/msg/Path", memoryview(bytes(24))),
     messages.Ack(10, 11, -1, b"7", {"rover": 10}),
     messages.Health("gateway", 4321, 400, {"refused": 0}, (REPORT,), "a-host"),
-    Vitals(21, "rover", 40, 12.5, 0.25, (Contact("table_3_leg_1", 337.5, 39, 7),), CHARGE),
+    Vitals(
+        *(21, "rover", 40, 12.5, 0.25, (Contact("table_3_leg_1", 337.5, 39, 7),), CHARGE),
+        (ground_truth.WheelInSoil("front_left_wheel", 0.2, 0.035),),
+    ),
     Faults(22, "rover/imu", 40, (Stuck(at_s=0.1), Bias(value=(0.0, 0.5, 0.0), for_s=2.0))),
     MissingReadings(
         23, "rover/camera", (MissingSpan("overloaded", 7, 21, 3, ("", "camera_info")),)
@@ -249,6 +252,7 @@ HAVE_DEFAULTS = {("Health", "streams"), ("Health", "host")} | {
     ("Ack", "commanded"),
     ("Ack", "commands"),
     ("Vitals", "battery"),
+    ("Vitals", "soil"),
     ("WheelCommand", "angles_rad"),
     ("State", "actors"),
     ("PointCloud", "layout"),

@@ -8,7 +8,7 @@ import pytest
 
 from groundlink.episode.fault_messages import Faults, counted, kinds_in
 from groundlink.messages.base import BusMessage
-from groundlink.messages.ground_truth import BatteryState, Contact, Vitals
+from groundlink.messages.ground_truth import BatteryState, Contact, Vitals, WheelInSoil
 from groundlink.messages.missing_readings import (
     Cause,
     MissingReadings,
@@ -32,6 +32,7 @@ HIT = Vitals(
     *(2_600_000_000, "rover", 1040, 36.5, 4.25),
     (Contact("table_3_leg_1", 9681.88, 1036, 4), Contact("wall_east_whole", 0.5, 1020, 1)),
     BatteryState(0.5, 24.5, 3.25),
+    (WheelInSoil("front_left_wheel", 0.25, 0.0325), WheelInSoil("rear_left_wheel", -0.5, 0.04)),
 )
 NONE = Faults(2_500_000_000, "rover/imu", 1000, ())
 TWO = Faults(

@@ -42,6 +42,8 @@ def structs(found: inspect.Type, known: set[type]) -> Iterator[inspect.StructTyp
 def value(field: inspect.Field) -> Any:
     """Return a default as plain data; a structure of defaults alone by its name."""
     made = field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
+    if made is msgspec.NODEFAULT:
+        return None  # Left out of messages and hashes.
     with suppress(TypeError):
         if isinstance(made, msgspec.Struct) and made == type(made)():
             return f"{type(made).__name__}()"

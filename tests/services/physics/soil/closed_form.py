@@ -10,7 +10,7 @@ from math import acos, cos, exp, radians, sin, sqrt, tan
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from groundlink.world.soil import Soil
+from groundlink.world.solids import Soil
 
 
 @dataclass(frozen=True)
