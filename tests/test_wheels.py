@@ -201,11 +201,9 @@ def _brought(what: metadata.Distribution, extra: str, found: set[str]) -> Iterat
     """Yield the names of all distributions that one brings with an extra."""
     for line in what.requires or ():
         needed = Requirement(line)
-        if needed.name in found or not (
-            needed.marker is None or needed.marker.evaluate({"extra": extra})
-        ):
+        if line in found or not (needed.marker is None or needed.marker.evaluate({"extra": extra})):
             continue
-        found.add(needed.name)
+        found.add(line)
         yield needed.name
         inner = what if needed.name == what.name else metadata.distribution(needed.name)
         for more in ("", *needed.extras):

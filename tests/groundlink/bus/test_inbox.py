@@ -56,4 +56,7 @@ def test_waiting_ends_with_a_message_and_leaves_it_there() -> None:
     inbox.wait(60.0)
     inbox.wait(60.0)
     assert len(inbox) == 1
+    arrived = inbox.get(seconds=0)
+    assert arrived is not None
+    assert arrived[0] == "a"
     timer.join()
