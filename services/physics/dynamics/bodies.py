@@ -119,7 +119,7 @@ class ContactPoint(Structure):
 
 
 class Contacts(Structure):
-    """ContactPoint points of the last step, each once for either body."""
+    """Contact points of the last step, each once for either body."""
 
     _fields_ = (("points", POINTER(ContactPoint)), ("count", c_size_t), ("_room", c_size_t))
     points: Any
