@@ -44,7 +44,7 @@ class SlowBus:
     def __init__(self, clocks: Clocks) -> None:
         self._clocks = clocks
 
-    def publisher(self, *_: Any) -> Callable[[BusMessage], bytes]:
+    def publisher(self, *_: Any, **_options: Any) -> Callable[[BusMessage], bytes]:
         self._declare()
         return encode
 
