@@ -193,8 +193,9 @@ def test_garbage_changes_nothing_and_is_counted(running: Running) -> None:
         "malformed datagrams are counted",
     )
     wait_for(lambda: running.counters("physics")["refused"] >= 8, 10, "bad commands are counted")
-    wait_for(lambda: running.counters("rover/imu")["refused"] >= 4, 10, "bad states are counted")
     assert running.counters("gateway")["bus_refused"] >= 8
+    # Its states come past the router, where no stranger can put any.
+    assert running.counters("rover/imu")["refused"] == 0
     ticks = [state.tick for state in running.drain()]
     assert set(np.diff(ticks).tolist()) == {1}
     stamps = np.array([m["stamp"] for m in running.observer.read()["/imu"][begin:]])

@@ -381,18 +381,17 @@ def cpu_seconds(pid: int) -> float:
     return (int(stat[11]) + int(stat[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def test_a_recorder_takes_less_than_the_lidar(driving: Rig) -> None:
-    """Processor time of the two in the same seconds; the test has a margin for busy machines."""
+def test_a_recorder_takes_less_than_the_sensors(driving: Rig) -> None:
+    """Processor time in the same seconds."""
     out = driving.folder / "run.mcap"
     recorder = driving.start(
         *("-m", "services.recorder", "--out", str(out), "--connect", driving.endpoint),
         log="recorder.log",
     )
     wait_for(lambda: out.exists() and out.stat().st_size > 3e6, 20, "it records")
-    (lidar,) = (process for process in driving.started if "services.sensors.lidar" in process.args)
-    begin = {process.pid: cpu_seconds(process.pid) for process in (recorder, lidar)}
+    sensors = [each for each in driving.started if "services.sensors." in str(each.args)]
+    assert len(sensors) > 1
+    begin = {process.pid: cpu_seconds(process.pid) for process in (recorder, *sensors)}
     time.sleep(3.0)
-    took = {
-        process.pid: cpu_seconds(process.pid) - begin[process.pid] for process in (recorder, lidar)
-    }
-    assert took[recorder.pid] < 1.25 * took[lidar.pid]
+    took = {pid: cpu_seconds(pid) - before for pid, before in begin.items()}
+    assert took[recorder.pid] < sum(took[process.pid] for process in sensors)

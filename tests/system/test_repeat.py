@@ -17,7 +17,7 @@ from groundlink.episode import journal
 from groundlink.episode.control import Spawn
 from groundlink.loader import load
 from groundlink.loader.additions import SpawnPlace, addition
-from groundlink.messages.base import PointCloud, State, decode
+from groundlink.messages.base import EncodedState, PointCloud, State, decode
 from groundlink.monitor.pipeline import RUN, pipeline, repeated_physics, repeated_sensors
 from services.physics.run.episode import Episode
 from services.physics.run.publishers import silent_publishers
@@ -34,11 +34,12 @@ def saved(tmp_path: Path) -> tuple[Path, list[State]]:
     states: list[State] = []
     silent = silent_publishers()
 
-    def publish(state: State) -> bytes:
-        states.append(state)
-        return encode(state)
+    def publish(state: State | EncodedState) -> bytes:
+        payload = encode(state)
+        states.append(decode(payload, State))
+        return payload
 
-    encode, silent.state = silent.state, publish  # type: ignore[assignment]
+    encode, silent.state = silent.state, publish
     episode = Episode(scenario, "run", silent, required=(), wall_nanos=0, epoch_nanos=10**9)
     episode.begin(0, 0.0)
     while episode.tick < TICKS:
