@@ -79,14 +79,15 @@ PER_SECOND = ("user", "system", "cpu", "voluntary", "involuntary", "queued")
 
 def scenario_file(folder: Path, given: Path, rovers: int, without: Sequence[str]) -> Path:
     """Write a scenario whose first vehicle stands there several times, without some kinds."""
+    here = given.resolve().parent
     document = yaml.safe_load(given.read_text(encoding="utf-8"))
-    document["world"] = str(given.parent / document["world"])
+    document["world"] = str(here / document["world"])
     (first,) = document["vehicles"][:1]
-    first["model"] = str(given.parent / first["model"])
+    first["model"] = str(here / first["model"])
     first["sensors"] = [one for one in first["sensors"] if one["kind"] not in without]
     for one in first["sensors"]:
         if "datasheet" in one:
-            one["datasheet"] = str(given.parent / one["datasheet"])
+            one["datasheet"] = str(here / one["datasheet"])
     if rovers > 1:
         # Names without a slash in front stand in the namespace of their vehicle.
         for one in first["sensors"]:
