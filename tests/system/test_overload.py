@@ -140,7 +140,7 @@ def test_slow_names_a_silent_sensor_and_continues_without_it(tmp_path: Path) -> 
         begun.stop_lidar(lambda: f"continuing without {LIDAR}" in it.log("up.log"))
         assert f"has waited 1.5 s for {LIDAR}" in it.log("up.log")
         wait_for(lambda: f"{LIDAR} is responding again after" in it.log("up.log"), 20, "it is back")
-        begun.goes_on()
+        begun.goes_on(20)  # for two seconds: physics tells its stalls once a second
         report = begun.end()
     assert report["stalls"]["silent_seconds"][LIDAR] >= 1.5
 
