@@ -197,7 +197,7 @@ def main() -> int:
 
 
 def report(camera: str, least: float, pairs: Sequence[Sequence[Measured]]) -> list[Claim]:
-    """Print what was measured; return its claims."""
+    """Print the measurements; return the claims about them."""
     sim_seconds = TICKS * TICK_SECONDS
     what = f"default scenario {camera} its camera"
     print(what)

@@ -172,7 +172,7 @@ class HealthReports:
         """Sim time in physics' newest report, and wall time of its arrival."""
 
     def update(self, seconds: float = 0.0) -> None:
-        """Take what has arrived, and all that arrives within this time."""
+        """Record the messages that have arrived and those that arrive within this time."""
         deadline = time.monotonic() + seconds
         while arrived := self._inbox.get(seconds=max(0.0, deadline - time.monotonic())):
             health = arrived[1]
@@ -257,7 +257,7 @@ class ArrivalTimes(BusInbox[BusMessage]):
         self._arrived.append((self._names[key], time.time_ns(), payload, message_type))
 
     def ages_ms(self) -> dict[str, list[float]]:
-        """Return the ages of what came by name, as `percentiles`."""
+        """Return the ages of the messages of each stream, as `percentiles`."""
         ages: defaultdict[str, list[float]] = defaultdict(list)
         for name, nanos, payload, message_type in self._arrived:
             message = decode(payload, message_type)

@@ -35,6 +35,17 @@ UNCHANGED = "scenario"
 """Stage of the run of the scenario as it is."""
 
 
+def add_jobs_option(parser: argparse.ArgumentParser) -> None:
+    """Add the number of runs at a time."""
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        default=1,
+        metavar="N",
+        help="runs at a time on this machine (default %(default)s)",
+    )
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the scenario and the options that a search and a campaign share."""
     parser.add_argument("scenario", help=SCENARIO_HELP)
@@ -51,13 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="sim time of each run (default %(default)g s)",
     )
-    parser.add_argument(
-        "--jobs",
-        type=int,
-        default=1,
-        metavar="N",
-        help="runs at a time on this machine (default %(default)s)",
-    )
+    add_jobs_option(parser)
     parser.add_argument(
         "--listen",
         metavar="ENDPOINT",

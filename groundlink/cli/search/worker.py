@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`groundlink worker --connect ENDPOINT`: evaluate points of a search on another host.
 
-A worker keeps no state: what it has not reported when it ends is evaluated by another one.
+A worker keeps no state: when it ends, other workers evaluate the points that it has not reported.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from groundlink.search.point_leases import WorkerOrders, WorkerReport
 
 from .evaluation import EvaluationRequest
 from .point_processes import PointProcess
-from .result_folder import check_extra, content_of
+from .result_folder import add_jobs_option, check_extra, content_of
 
 REPORT_SECONDS = 0.5
 """Interval of reports; an ended point is reported at once."""
@@ -52,13 +52,7 @@ def add_parser(subparsers: Subparsers) -> None:
         metavar="ENDPOINT",
         help=f"endpoint of the search (default: GROUNDLINK_ROUTER, or {DEFAULT_ENDPOINT})",
     )
-    parser.add_argument(
-        "--jobs",
-        type=int,
-        default=1,
-        metavar="N",
-        help="runs at a time on this machine (default %(default)s)",
-    )
+    add_jobs_option(parser)
     parser.set_defaults(command=worker)
 
 
