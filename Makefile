@@ -15,7 +15,7 @@ WORKERS := $(shell echo $$(($$(nproc) + 1)))
 READY := .venv/.ready
 READY_RUN := .venv/.ready-run
 SETUP_INPUTS := pyproject.toml udp-bridge/pyproject.toml setup.sh \
-	$(wildcard services/sensors/*/*.c services/sensors/*/*/*.c udp-bridge/src/udp_bridge/io/native/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
+	$(wildcard services/*/*/*.c services/*/*/*/*.c udp-bridge/src/udp_bridge/io/native/*.[ch] ros/*/msg/*.msg ros/ros2/*.py ros/ros2/*/setup.py)
 # Programs of the experiments that tests need.
 PROGRAMS := yag-slam kiss-icp evo
 # Files with tests marked `system`; collecting all others takes longer than many of these tests.
