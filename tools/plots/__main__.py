@@ -31,6 +31,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "lidar_sun": ranging.lidar_sun,
     "lidar_weather": ranging.lidar_weather,
     "range_finder": ranging.range_finder,
+    "soil_measured": soils.measured,
     "soil_slopes": soils.slopes,
     "soil_track": soils.track,
     "soil_wheel": soils.wheel,

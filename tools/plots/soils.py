@@ -23,6 +23,9 @@ from services.physics.soil.track import TrackSection
 from services.physics.soil.wheel import wheel_forces, wheel_sinkage
 from services.physics.trials.track import drive, put
 
+from .measured_wheel import MEASURED, SAND
+from .measured_wheel import RADIUS_M as MEASURED_RADIUS_M
+from .measured_wheel import WIDTH_M as MEASURED_WIDTH_M
 from .page_style import GRAY, SERIES, label, side_by_side
 
 RADIUS_M, WIDTH_M, LOAD_N = 0.1651, 0.1143, 135.0
@@ -70,6 +73,31 @@ def wheel() -> Figure:
     label(right, "Motion resistance", "slip", "force, N")
     middle.set_ylim(-100, 90)
     right.set_ylim(0, 100)
+    left.legend()
+    return figure
+
+
+def measured() -> Figure:
+    """Sinkage and drawbar pull of a wheel in sand as they were measured, and of the model."""
+    figure, (left, right) = side_by_side(2)
+    load = np.array(np.mean([row.load_n for row in MEASURED]))
+    slips, dots = np.linspace(-0.75, 0.8, 156), [row.slip for row in MEASURED]
+    sunk = wheel_sinkage(SAND, MEASURED_RADIUS_M, MEASURED_WIDTH_M, load, slips)
+    forces = wheel_forces(SAND, MEASURED_RADIUS_M, MEASURED_WIDTH_M, sunk, slips)
+    left.plot(slips, 1000 * sunk, color=SERIES[0], label="model")
+    left.plot(
+        dots, [1000 * row.sinkage_m for row in MEASURED], "o", color=SERIES[1], label="measured"
+    )
+    right.plot(slips, forces.drawbar_n / load, color=SERIES[0])
+    right.errorbar(
+        dots,
+        [row.drawbar_n / row.load_n for row in MEASURED],
+        [row.scatter_n / row.load_n for row in MEASURED],
+        fmt="o",
+        color=SERIES[1],
+    )
+    label(left, "Smooth wheel of 116 mm in sand, 24 N", "slip", "sinkage, mm")
+    label(right, "Drawbar pull", "slip", "share of the load")
     left.legend()
     return figure
 
