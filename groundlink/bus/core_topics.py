@@ -68,7 +68,8 @@ FREQUENT_HZ = 50.0
 state at once, and processes of one machine pass frequent streams without the router."""
 
 BATCH_TICKS = 4
-"""Ticks between two batches of states: 10 ms. Half as many would save half as much."""
+"""Ticks between two batches of states: 10 ms. Half as many would save half as much. Without a wall
+clock batches are larger."""
 
 STATE_BATCH = BusTopic(
     # A chunk with an @ matches no wildcard: who subscribes to all keys gets each state once.

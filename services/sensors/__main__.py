@@ -13,6 +13,7 @@ from groundlink.bus.session import Bus
 from groundlink.core.errors import UserError
 from groundlink.process import runner as process
 from groundlink.process.joining import join_world
+from groundlink.process.memory import keep_memory
 from groundlink.process.state_follower import follow_states
 from services.sensors.runtime.process import follower
 
@@ -36,6 +37,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         ]
         if not sensors:
             raise UserError(f"scenario `{scenario.name}` has no sensors")
+        keep_memory()
         follow_states(
             bus, run_name, sensors, stop.is_set, waited_for=scenario.time.mode != "realtime"
         )

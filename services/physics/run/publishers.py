@@ -12,6 +12,7 @@ from groundlink.bus.session import Bus
 from groundlink.bus.topics import BODIES, GROUND_TRUTH, JOINTS, TRUE_MAP, TRUE_WHEELS, VITALS
 from groundlink.messages.base import BusMessage, EncodedState, State, StateBatch, encode
 from groundlink.scenario import Scenario
+from groundlink.scenario.schema import Time
 
 Publish = Callable[[BusMessage], bytes]
 
@@ -60,13 +61,15 @@ class StatePublisher:
     """Publishes each state at once, and all states in batches.
 
     A batch ends early where a process may wait for an acknowledgement of its last state: at the
-    first state of an episode, and at every `ack_ticks`-th.
+    first state of an episode, and at every `ack_ticks`-th. Without a wall clock no process needs
+    states earlier than that, and larger batches wake receivers less often.
     """
 
     def __init__(
-        self, state: Callable[[State | EncodedState], bytes], batch: Publish, ack_ticks: int
+        self, state: Callable[[State | EncodedState], bytes], batch: Publish, time: Time
     ) -> None:
-        self._state, self._batch, self._ack_ticks = state, batch, ack_ticks
+        self._state, self._batch, self._ack_ticks = state, batch, time.ack_ticks
+        self._batch_ticks = time.ack_ticks if time.mode == "fast" else BATCH_TICKS
         self._encoded: list[msgspec.Raw] = []
         self._episode: int | None = None
 
@@ -75,7 +78,7 @@ class StatePublisher:
         payload = self._state(state)
         self._encoded.append(msgspec.Raw(payload))
         is_first, self._episode = state.episode != self._episode, state.episode
-        if is_first or not (state.tick % BATCH_TICKS and state.tick % self._ack_ticks):
+        if is_first or not (state.tick % self._batch_ticks and state.tick % self._ack_ticks):
             self.flush()
         return payload
 

@@ -89,7 +89,7 @@ class PhysicsServer:
         self._accept_commands(scenario)
         self._publishers = BusPublishers(bus, run, scenario)
         batches = bus.publisher(STATE_BATCH.key_in(run), STATE_BATCH.delivery, local=True)
-        self._states = StatePublisher(self._publishers.state, batches, scenario.time.ack_ticks)
+        self._states = StatePublisher(self._publishers.state, batches, scenario.time)
         self._publishers.state = self._states
         self._world_changes = 0
         self._archive = JournalArchive()

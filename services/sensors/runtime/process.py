@@ -22,6 +22,7 @@ from groundlink.messages.base import BusMessage
 from groundlink.messages.missing_readings import counters_of
 from groundlink.process import runner as process
 from groundlink.process.joining import changed_world, join_world
+from groundlink.process.memory import keep_memory
 from groundlink.process.name_claim import claim_name
 from groundlink.process.runner import address
 from groundlink.process.state_follower import StateFollower, follow_states
@@ -131,6 +132,7 @@ def _main(kind: SensorKind, arguments: Sequence[str], stop: threading.Event) -> 
             )
         native = options.native if kind.native else None
         sensor = follower(options.name, scenario, bus, run_name, opened, native=native)
+        keep_memory()
         follow_states(
             bus, run_name, [sensor], stop.is_set, waited_for=scenario.time.mode != "realtime"
         )
