@@ -107,7 +107,7 @@ class Ours:
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, camera: Camera) -> None:
         self._scenario, self._vehicle, self._camera = scenario, vehicle, camera
-        around = WorldReplica(scenario, vehicle, camera.mount.xyz_m)
+        around = WorldReplica(scenario, vehicle, camera.mount)
         self._lens = lens.LensOptics(camera.lens, Pinhole.of(camera))
         self._renderer = Renderer(scenario.world, around, self._lens.drawn, samples=camera.samples)
         values = 3 * camera.width * camera.height

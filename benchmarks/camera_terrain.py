@@ -21,7 +21,7 @@ from groundlink.importing.terrain_specs import HillsTerrain, MaterialRule
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.scenario import Scenario
-from groundlink.scenario.every_sensor import MOUNT_FROM_OPTICAL
+from groundlink.scenario.every_sensor import MOUNT_FROM_OPTICAL, Mount
 from groundlink.world.solids import Material
 from groundlink.world.terrain import load_ground
 from services.sensors.rendering.gl.pinhole import Pinhole
@@ -80,7 +80,7 @@ class Viewpoint:
 
     def __init__(self, scenario: Scenario, poses: list[Floats]) -> None:
         before, since = resident_mb(), time.process_time()
-        around = WorldReplica(scenario, scenario.vehicles[0], (0.0, 0.0, 50.0))
+        around = WorldReplica(scenario, scenario.vehicles[0], Mount((0.0, 0.0, 50.0)))
         self._poses, self._renderer = poses, Renderer(scenario.world, around, PINHOLE)
         parked = np.tile([0.0, 0.0, -400.0, 0.0, 0.0, 0.0, 1.0], (len(around.links), 1))
         self._renderer.place(parked)

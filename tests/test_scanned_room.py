@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from groundlink.loader import load
 from groundlink.messages.base import Command
 from groundlink.scenario import Scenario
+from groundlink.scenario.every_sensor import Mount
 from groundlink.scene.build import solids
 from services.physics.simulation.simulation import Simulation
 from services.sensors.rays.replica import Replica
@@ -52,7 +53,7 @@ def test_the_script_makes_what_is_shipped() -> None:
 
 def ranges(room: Scenario, towards: list[tuple[float, float, float]]) -> NDArray[np.float32]:
     """Return how far rays go from the middle of the room, as those of a LiDAR on a mast."""
-    replica = Replica(room, room.vehicles[0], (0.0, 0.0, 1.2))
+    replica = Replica(room, room.vehicles[0], Mount((0.0, 0.0, 1.2)))
     parked = views.parked(views.world_replica(room), (0.0, 0.0, -400.0))
     replica.scene.move(np.stack([parked, parked]))
     at = np.array([0.0, 0.0, 1.2], np.float32)

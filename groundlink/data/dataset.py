@@ -241,13 +241,18 @@ class Dataset:
         Raises
         ------
         UserError
-            when the run has no such vehicle or frame.
+            when the run has no such vehicle or frame, or a joint moves the frame.
         """
         chosen = self._vehicle(vehicle)
         if frame == chosen.model.base_frame:
             return (0.0, 0.0, 0.0, *IDENTITY_QUATERNION)
         for mount in mounts(chosen, 0):
             if mount.child == frame:
+                if mount.parent != chosen.model.base_frame:
+                    raise UserError(
+                        f"{vehicle}: frame `{frame}` moves with `{mount.parent}`; expected a frame "
+                        "that is fixed to the base"
+                    )
                 return (*mount.translation_m, *mount.rotation)
         known = ", ".join(sorted(self.frames[vehicle]))
         raise UserError(f"{vehicle}: no frame `{frame}`; expected one of {known}")

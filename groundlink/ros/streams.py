@@ -242,7 +242,7 @@ def _in_blocks(vehicle: Vehicle, spec: object) -> tuple[Vehicle, RotatingLidar] 
 
 
 def static_transforms(scenario: Scenario, stamp_nanos: int) -> Transforms | None:
-    """Return base_from_sensor of all sensors with a mount; None if there are none."""
+    """Return link_from_sensor of all sensors with a mount; None if there are none."""
     transforms = tuple(
         replace(
             mount,
@@ -256,21 +256,21 @@ def static_transforms(scenario: Scenario, stamp_nanos: int) -> Transforms | None
 
 
 def mounts(vehicle: Vehicle, stamp_nanos: int) -> tuple[Transform, ...]:
-    """Return base_from_sensor of each sensor frame of a vehicle, without the frame prefix.
+    """Return link_from_sensor of each sensor frame of a vehicle, without the frame prefix.
 
     If several sensors share a frame, the mount of the last one is used.
     """
-    base = vehicle.model.base_frame
+    links = vehicle.model.link_names()
     found = {
         sensor.frame: Transform(
             stamp_nanos=stamp_nanos,
-            parent=base,
+            parent=links[vehicle.model.link_of(sensor.mount)],
             child=sensor.frame,
             translation_m=sensor.mount.xyz_m,
             rotation=sensor.mount.quaternion(optical=sensor.optical),
         )
         for sensor in vehicle.sensors
-        if sensor.mounted and sensor.frame != base
+        if sensor.mounted and sensor.frame != links[0]
     }
     return tuple(found.values())
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
-from msgspec import Meta
+from msgspec import UNSET, Meta, UnsetType
 
 from groundlink.core.fields import Spec, Vector3
 from groundlink.core.frames import multiply, quaternion_from_rpy
@@ -64,13 +64,16 @@ forward; the mount's x is forward, z up."""
 
 
 class Mount(Spec, frozen=True):
-    """Pose of a sensor on the vehicle: base_from_sensor."""
+    """Pose of a sensor on the vehicle: link_from_sensor, of the base or of a joint's link."""
 
     xyz_m: Vector3 = (0.0, 0.0, 0.0)
-    """Position of the sensor in the base frame."""
+    """Position of the sensor in the frame of its link."""
 
     rpy_deg: Vector3 = (0.0, 0.0, 0.0)
-    """Roll, pitch, yaw about the fixed axes of the base (REP 103)."""
+    """Roll, pitch, yaw about the fixed axes of the link (REP 103)."""
+
+    joint: Name | UnsetType = UNSET
+    """Joint whose link carries the sensor, such as `turret`; none: the base carries it."""
 
     def rpy_radians(self) -> Vector3:
         """Return roll, pitch and yaw in radians."""
@@ -78,7 +81,7 @@ class Mount(Spec, frozen=True):
         return roll, pitch, yaw
 
     def quaternion(self, *, optical: bool = False) -> tuple[float, float, float, float]:
-        """Return the rotation of base_from_sensor, or of base_from_optical."""
+        """Return the rotation of link_from_sensor, or of link_from_optical."""
         turned = quaternion_from_rpy(*self.rpy_radians())
         x, y, z, w = multiply(turned, MOUNT_FROM_OPTICAL).tolist() if optical else turned
         return x, y, z, w

@@ -290,6 +290,11 @@ class Vehicle(Spec, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         self.model.with_effects(self.effects)
+        for sensor in self.sensors:
+            try:
+                self.model.link_of(sensor.mount)
+            except ValueError as error:
+                raise ValueError(f"`mount.joint` of `{sensor.name}`: {error}") from None
         if not self.from_ros.joint_groups:
             return
         joints = {joint.name: joint.commands for joint in self.model.joint_interfaces()}

@@ -10,7 +10,7 @@ at the ends of a track.
 from collections.abc import Collection
 from typing import Annotated, Literal, Self, get_args
 
-from msgspec import Meta, field
+from msgspec import UNSET, Meta, field
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_SECONDS
@@ -240,6 +240,11 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
                 )
         self.drive.check(self.wheels)
         check_joints(self.joints, (*names, *(joint.name for joint in self._drive_joints())))
+        for name, mount in self.mounts.items():
+            try:
+                self.link_of(mount)
+            except ValueError as error:
+                raise ValueError(f"`mounts.{name}.joint`: {error}") from None
 
     def with_effects(self, effects: Collection[Effect]) -> Self:
         """Return the model with these effects alone.
@@ -269,6 +274,22 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
     def stands_on(self, wheel: Wheel) -> bool:
         """Return whether a wheel touches level ground."""
         return wheel.radius_m - wheel.center_m[2] > self.base_height_m - LOADED_M
+
+    def link_of(self, mount: Mount) -> int:
+        """Return the place in `link_names` of the link that carries a mount.
+
+        Raises
+        ------
+        ValueError
+            when the vehicle has no such joint.
+        """
+        if mount.joint is UNSET:
+            return 0
+        names = [joint.name for joint in self.joints]
+        if mount.joint not in names:
+            known = ", ".join(names) or "none: omit it for the base"
+            raise ValueError(f"no joint `{mount.joint}` carries a mount; expected one of {known}")
+        return 1 + len(self.wheels) + names.index(mount.joint)
 
     def link_names(self) -> tuple[str, ...]:
         """Return the links in the order of `VehicleState.link_poses`: base, wheels, joints."""

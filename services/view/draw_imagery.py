@@ -149,9 +149,12 @@ def laser_scan(drawing: Drawing, track: Track, path: str, message: LaserScan) ->
     directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(met))], axis=-1)
     points = (ranges[met, None] * directions).astype(np.float32)
     seconds = (met * message.time_increment_s).astype(np.float32)
-    base_from_sensor = track.base_from(message.frame)
-    if base_from_sensor is not None:
-        placed = points_in_world(points, seconds, message.stamp_nanos, track.base, base_from_sensor)
+    placing = track.link_from(message.frame)
+    if placing is not None:
+        place, link_from_sensor = placing
+        placed = points_in_world(
+            points, seconds, message.stamp_nanos, track.links[place], link_from_sensor
+        )
         if placed is None:
             drawing.not_drawn += 1
             return

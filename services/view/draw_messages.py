@@ -124,12 +124,15 @@ def _points(
     seconds: Reals,
     colors: Colors,
 ) -> None:
-    base_from_sensor = track.base_from(message.frame)
+    placing = track.link_from(message.frame)
     records = message.records()
     placed = None
-    if base_from_sensor is not None:
+    if placing is not None:
+        place, link_from_sensor = placing
         packed = np.stack([records[axis] for axis in XYZ], axis=-1)
-        placed = points_in_world(packed, seconds, message.stamp_nanos, track.base, base_from_sensor)
+        placed = points_in_world(
+            packed, seconds, message.stamp_nanos, track.links[place], link_from_sensor
+        )
     if placed is None:
         drawing.not_drawn += 1
         return
@@ -174,7 +177,7 @@ def _draw_estimate(
 def _lay(drawing: Drawing, track: Track, stamp: int, position: Any, orientation: Any) -> bool:
     """Align the stack's frame so that its first pose is the true pose of that instant."""
     if track.world_from_stack is None:
-        states = track.base.span(stamp, stamp)
+        states = track.links[0].span(stamp, stamp)
         if states is None:
             return False
         true = states[1][0]
@@ -226,7 +229,7 @@ def occupancy_grid(
 def transforms(drawing: Drawing, track: Track, path: str, message: navigation.Transforms) -> None:
     """Place frames of the stack; the scenario's frames keep their true poses."""
     for t in message.transforms:
-        if track.base_from(t.child) is None:
+        if track.link_from(t.child) is None:
             drawing.move(t.child, t.parent, (*t.translation_m, *t.rotation), t.stamp_nanos)
 
 

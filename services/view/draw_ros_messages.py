@@ -49,7 +49,7 @@ def point_cloud(
 
 def _place(drawing: Drawing, track: Track, entity: str, frame: str) -> bool:
     """Set the frame of an entity; return whether the frame is known."""
-    if frame != WORLD and track.base_from(frame) is None:
+    if frame != WORLD and track.link_from(frame) is None:
         if track.world_from_stack is None:
             drawing.not_drawn += 1
             return False

@@ -59,12 +59,27 @@ class Track:
     """Poses and frames of a vehicle."""
 
     spec: Vehicle
-    base: PoseHistory = field(default_factory=PoseHistory)
+    links: dict[int, PoseHistory] = field(init=False)
+    """Poses of the links that carry sensors, and of the base, by their places in the model."""
+
     trail: Trail = field(default_factory=Trail)
     """The true trajectory."""
 
     world_from_stack: Floats | None = None
     """Pose of the stack's frame; None before the first pose of the stack."""
+
+    def __post_init__(self) -> None:
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget all poses."""
+        places = {0, *(self.spec.model.link_of(sensor.mount) for sensor in self.spec.sensors)}
+        self.links = {place: PoseHistory() for place in sorted(places)}
+
+    def take(self, stamp_nanos: int, poses: Floats) -> None:
+        """Take the poses of all links at the next tick, shape (links, 7)."""
+        for place, history in self.links.items():
+            history.add(stamp_nanos, poses[place])
 
     @property
     def base_frame(self) -> str:
@@ -81,15 +96,19 @@ class Track:
         of_sensor = path.removesuffix("/truth").removesuffix("/labeled_points")
         return next((s for s in self.spec.sensors if of_sensor.endswith(f"/{s.name}")), None)
 
-    def base_from(self, frame: str) -> Floats | None:
-        """Return base_from_frame, shape (4, 4), of a sensor's frame; None for an unknown one."""
+    def link_from(self, frame: str) -> tuple[int, Floats] | None:
+        """Return the place of a link and link_from_frame, shape (4, 4), of a sensor's frame.
+
+        None for an unknown frame.
+        """
         prefix = self.spec.frame_prefix
         if frame == self.base_frame:
-            return np.eye(4)
+            return 0, np.eye(4)
         for sensor in self.spec.sensors:
             if sensor.mounted and prefix + sensor.frame == frame:
                 turn = sensor.mount.quaternion(optical=sensor.optical)
-                return transform(sensor.mount.xyz_m, turn)
+                place = self.spec.model.link_of(sensor.mount)
+                return place, transform(sensor.mount.xyz_m, turn)
         return None
 
 

@@ -25,7 +25,6 @@ from .draw_messages import FORMS
 from .drawing import WORLD, Drawing, Track
 from .layout import TEXT
 from .meshes import ShadedMesh, mesh, world
-from .point_placement import PoseHistory
 from .rerun_destinations import RerunDestination
 
 FRAME_NANOS = NANOS // 30
@@ -78,7 +77,7 @@ class RerunView:
         self.drawing.plots.flush()
         self._is_drawn = True
         for track in self.drawing.vehicles.values():
-            track.base = PoseHistory()
+            track.forget()
 
     def take_states(self, states: Sequence[State]) -> None:
         """Take states; draw the newest of them when it is due."""
@@ -91,7 +90,7 @@ class RerunView:
             self.drawing.now_nanos = state.sim_nanos
             for name, track in self.drawing.vehicles.items():
                 if name in state.vehicles:
-                    track.base.add(state.stamp_nanos, state.vehicles[name].poses()[0])
+                    track.take(state.stamp_nanos, state.vehicles[name].poses())
         if states and not self._is_drawn and self.drawing.now_nanos >= self._next_frame_nanos:
             self._next_frame_nanos = self.drawing.now_nanos + FRAME_NANOS * 3 // 4
             newest = {name: state for state in states for name in state.vehicles}
@@ -173,12 +172,13 @@ class RerunView:
                 recording.log(path, _drawn(mesh(parts, materials)), static=True)
             for sensor in track.spec.sensors:
                 frame = prefix + sensor.frame
-                placed = track.base_from(frame)
+                placed = track.link_from(frame)
                 if frame != track.base_frame and placed is not None:
+                    place, at = placed
                     mount = rr.Transform3D(
-                        translation=placed[:3, 3],
-                        mat3x3=placed[:3, :3],
-                        parent_frame=track.base_frame,
+                        translation=at[:3, 3],
+                        mat3x3=at[:3, :3],
+                        parent_frame=prefix + model.link_names()[place],
                         child_frame=frame,
                     )
                     recording.log(f"tf/{frame}", mount, static=True)

@@ -9,6 +9,7 @@ from math import cos, hypot, radians, sin, sqrt
 from typing import Any
 
 import numpy as np
+from msgspec import UNSET
 from numpy.typing import NDArray
 
 from groundlink.core.frames import transform
@@ -157,7 +158,7 @@ def readings_of(sensor: SensorSpec, datum: Datum | None, middle_s: float) -> Rea
     if message is NavSatFix and datum is not None:
         x, y, _ = sensor.mount.xyz_m
         return EstimatedTrajectory(sensor.topic, datum, (x, y))
-    if message is PointCloud or message is LaserScan:
+    if (message is PointCloud or message is LaserScan) and sensor.mount.joint is UNSET:
         mount = transform(sensor.mount.xyz_m, sensor.mount.quaternion())
         return CloudSample(sensor.topic, middle_s, mount)
     return None

@@ -97,7 +97,7 @@ class RayEye:
         self.pinhole = lens_pinhole(spec)
         self.slopes = slopes(spec.lens, self.pinhole)
         self.span_nanos = round(spec.imager.span_s * NANOS)
-        self._replica = Replica(scenario, vehicle, spec.mount.xyz_m)
+        self._replica = Replica(scenario, vehicle, spec.mount)
         self._base_from_optical = transform(spec.mount.xyz_m, spec.mount.quaternion(optical=True))
         shape = self.pinhole.height, self.pinhole.width
         self._lit = np.isfinite(self.slopes[..., 0])
@@ -116,7 +116,7 @@ class RayEye:
         """Return the depth in the middle of an exposure that begins at a sim time."""
         poses = self._replica.at(nanos + self.span_nanos // 2)
         self._replica.scene.move(np.stack([poses, poses]))
-        base = poses[self._replica.base]
+        base = poses[self._replica.carrier]
         world_from_optical = transform(base[:3], base[3:]) @ self._base_from_optical
         shape = (3, *self._instants.shape)
         rays = (world_from_optical[:3, :3].astype(np.float32) @ self._rays).reshape(shape)

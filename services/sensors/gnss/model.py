@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.core.clock import NANOS, TICK_NANOS, Schedule, exact
+from groundlink.core.clock import NANOS, TICK_NANOS, TICK_RATE_HZ, Schedule, exact
 from groundlink.core.errors import UserError
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, matrix_from_quaternion
@@ -169,7 +169,8 @@ class GnssModel:
             )
         self._vehicle = vehicle.name
         self._frame = vehicle.frame_prefix + spec.frame
-        self._antenna_in_base = np.array(spec.mount.xyz_m)
+        self._link = vehicle.model.link_of(spec.mount)
+        self._antenna_in_link = np.array(spec.mount.xyz_m)
         self._geoid_m = datum.geoid_m
         self._plane = TangentPlane(
             Geodetic.of_degrees(datum.latitude_deg, datum.longitude_deg, datum.altitude_m)
@@ -226,7 +227,7 @@ class GnssModel:
             restarted.
         """
         try:
-            pose, velocity = self._base(state)
+            pose, velocity = self._motion(state)
             self._reception.take(state)
         except BadBusMessage:
             self.restart()
@@ -266,16 +267,16 @@ class GnssModel:
         )
         return known._replace(epoch=epoch)
 
-    def _base(self, state: State) -> tuple[Floats, Floats]:
-        """Return the base's pose, shape (7,), and velocity, shape (6,)."""
+    def _motion(self, state: State) -> tuple[Floats, Floats]:
+        """Return the antenna's link's pose, shape (7,), and the base's velocity, shape (6,)."""
         vehicle = state.vehicles.get(self._vehicle)
-        if vehicle is None or not len(vehicle.link_poses):
+        if vehicle is None or len(vehicle.poses()) <= self._link:
             name = self._vehicle
             raise BadBusMessage(f"state of tick {state.tick}: no link poses of `{name}`")
         velocity = floats(vehicle.base_velocity)
         if len(velocity) != 6:
             raise BadBusMessage(f"state of tick {state.tick}: no velocity of `{self._vehicle}`")
-        return vehicle.poses()[0], velocity
+        return vehicle.poses()[self._link], velocity
 
     def _measure(self, state: State, event: Event, last: Floats, velocity: Floats) -> _Measured:
         """Return the fix of an event after the last tick and not after this tick.
@@ -283,18 +284,20 @@ class GnssModel:
         Parameters
         ----------
         last : shape (7,)
-            Pose of the base at the last tick.
+            Pose of the antenna's link at the last tick; zeros at the first.
         velocity : shape (6,)
             Velocity of the base at this tick.
         """
         # Zero if the event coincides with the tick. Only then may the last state be missing.
         back = (event.nanos - state.tick * TICK_NANOS) / TICK_NANOS
-        lever = matrix_from_quaternion(self._pose[3:]) @ self._antenna_in_base
+        lever = matrix_from_quaternion(self._pose[3:]) @ self._antenna_in_link
         antenna = self._pose[:3] + lever
-        if back:
-            before = last[:3] + matrix_from_quaternion(last[3:]) @ self._antenna_in_base
-            antenna = antenna + back * (antenna - before)
         moving = velocity[:3] + np.cross(velocity[3:], lever)
+        if back or (self._link and last.any()):
+            before = last[:3] + matrix_from_quaternion(last[3:]) @ self._antenna_in_link
+            if self._link:
+                moving = (antenna - before) * TICK_RATE_HZ
+            antenna = antenna + back * (antenna - before)
         stamp_nanos = state.epoch_nanos + event.nanos
         memory, due_tick = self._state.memory(), self._due_tick(event)
         signals = self._reception.signals(event.nanos, antenna)

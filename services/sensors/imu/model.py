@@ -91,7 +91,7 @@ class ImuModel:
     def __init__(self, scenario: Scenario, vehicle: Vehicle, spec: InertialUnit) -> None:
         self._vehicle = vehicle.name
         self._frame = vehicle.frame_prefix + spec.frame
-        self._mount = spec.mount
+        self._mount, self._link = spec.mount, vehicle.model.link_of(spec.mount)
         self._schedule = Schedule.at(spec.rate_hz)
         streams = RandomStreams(spec.noise_seed(scenario.seed), f"{vehicle.name}/{spec.name}")
         self._errors = ImuErrors(spec, streams, scenario.world.weather.temperature_c)
@@ -128,7 +128,7 @@ class ImuModel:
             when the state lacks the vehicle's base.
         """
         vehicle = state.vehicles.get(self._vehicle)
-        if vehicle is None or not len(vehicle.link_poses):
+        if vehicle is None or len(vehicle.poses()) <= self._link:
             name = self._vehicle
             raise messages.BadBusMessage(f"state of tick {state.tick}: no link poses of `{name}`")
         window = self._window
@@ -137,7 +137,7 @@ class ImuModel:
             # begin at the next tick.
             first_start = self._schedule.first_at_or_after(state.tick + self._filter.ticks)
             window = self._window = Window(self._schedule, first_start + 1)
-        motion = self._motion.advance(vehicle.poses()[0].tolist())
+        motion = self._motion.advance(vehicle.poses()[self._link].tolist())
         self._tick = state.tick
         if motion is None:
             return []

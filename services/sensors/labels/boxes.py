@@ -40,7 +40,7 @@ class ObjectBoxes:
     ) -> None:
         self._objects = table.objects
         self._mount = np.array([*mount[0], *mount[1]])
-        self._base = around.base
+        self._base = around.carrier
         self._movers = {
             table.number_of[name]: around.movers.index(name)
             for name in dict.fromkeys(around.movers)

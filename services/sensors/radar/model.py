@@ -116,7 +116,7 @@ class RadarModel:
         hit = (hits.label >= 0) & (hits.range_m >= self._spec.min_range_m)
         in_sensor, rays, range_m = in_sensor[:, hit], rays[:, hit], hits.range_m[hit].astype(float)
         origin = place.origin_in_world[:, None]
-        own = self._probe.velocities(event.nanos, origin, np.array([self._probe.replica.base]))
+        own = self._probe.velocities(event.nanos, origin, np.array([self._probe.replica.carrier]))
         other = self._probe.velocities(event.nanos, origin + range_m * rays, hits.body[hit])
         rcs_m2 = cross_sections(
             range_m,

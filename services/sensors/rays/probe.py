@@ -37,7 +37,7 @@ class RayProbe:
     """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle, mount: Mount) -> None:
-        self.replica = Replica(scenario, vehicle, mount.xyz_m)
+        self.replica = Replica(scenario, vehicle, mount)
         self._sensor_in_base = np.array(mount.xyz_m)
         self._base_from_sensor = matrix_from_quaternion(quaternion_from_rpy(*mount.rpy_radians()))
         self._tick = 0
@@ -64,7 +64,7 @@ class RayProbe:
 
     def place(self, nanos: int) -> SensorPose:
         """Return the sensor's pose at a sim time between the last two states."""
-        poses = self.replica.motion(self._tick - 1, self._tick)[:, self.replica.base]
+        poses = self.replica.motion(self._tick - 1, self._tick)[:, self.replica.carrier]
         share = np.array(self._share(nanos))
         world_from_base = matrix_from_quaternion(nlerp(poses[0, 3:], poses[1, 3:], share))
         base = poses[0, :3] + share * (poses[1, :3] - poses[0, :3])

@@ -8,7 +8,7 @@ static solids, then the terrain, then the links, each of which is a body of the 
 import numpy as np
 from numpy.typing import NDArray
 
-from groundlink.core.fields import Vector3
+from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scene.bodies import NO_BODY
 from groundlink.world.terrain import load_ground
@@ -36,8 +36,8 @@ class Replica(WorldReplica):
         `Material.reflectance` by the labels of `scene`: up to 1 where diffuse.
     """
 
-    def __init__(self, scenario: Scenario, vehicle: Vehicle, eye_in_base: Vector3) -> None:
-        super().__init__(scenario, vehicle, eye_in_base)
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, mount: Mount) -> None:
+        super().__init__(scenario, vehicle, mount)
         terrain, materials = scenario.world.terrain, scenario.world.materials
         soils = terrain.materials if terrain else ()
         of_links = [solid.material for link in self.links for solid in link]

@@ -12,6 +12,7 @@ from groundlink.core.clock import TICK_NANOS
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, matrix_from_quaternion, nlerp
 from groundlink.messages.base import BadBusMessage, State
+from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scene.bodies import link_solids as links_of
 from groundlink.scene.build import solids
@@ -32,9 +33,9 @@ class WorldReplica:
     scenario : Scenario
     vehicle : Vehicle
         Vehicle of the sensor; it is as solid as the other vehicles.
-    eye_in_base : Vector3
-        Position of the sensor in its base. Visuals of the base that enclose this point are the
-        sensor's housing. They are left out so that they do not block the view.
+    mount : Mount
+        Mount of the sensor. Visuals of the link that enclose its place are the sensor's housing.
+        They are left out so that they do not block the view.
 
     Attributes
     ----------
@@ -45,23 +46,24 @@ class WorldReplica:
         frame.
     movers : list of str
         Name of each link's vehicle, or of the actor.
-    base : int
+    carrier : int
         Index of the link that the sensor is mounted on.
     """
 
-    def __init__(self, scenario: Scenario, vehicle: Vehicle, eye_in_base: Vector3) -> None:
+    def __init__(self, scenario: Scenario, vehicle: Vehicle, mount: Mount) -> None:
         self.static = solids(scenario)
         self.links: list[list[Solid]] = []
         self.movers: list[str] = []
         self._bytes_of: dict[str, int] = {}
         for other in scenario.vehicles:
-            base, *wheels = links_of(other.model)
+            links = links_of(other.model)
             if other.name == vehicle.name:
-                self.base = len(self.links)
-                base = [solid for solid in base if not _encloses(solid, eye_in_base)]
-            self.links += [base, *wheels]
-            self.movers += [other.name] * (1 + len(wheels))
-            self._bytes_of[other.name] = POSE_BYTES * (1 + len(wheels))
+                place = other.model.link_of(mount)
+                self.carrier = len(self.links) + place
+                links[place] = [s for s in links[place] if not _encloses(s, mount.xyz_m)]
+            self.links += links
+            self.movers += [other.name] * len(links)
+            self._bytes_of[other.name] = POSE_BYTES * len(links)
         actors = scenario.world.actors
         self.links += [form_solids(actor.form) for actor in actors]
         self.movers += [actor.name for actor in actors]

@@ -170,7 +170,7 @@ class Scanner:
         self.sweep = sweep
         stray = StrayLight(spec, self.sweep.rings)
         self.blocks = FiringBlocks(spec, self.sweep, stray.neighbors)
-        self.replica = Replica(scenario, vehicle, spec.mount.xyz_m)
+        self.replica = Replica(scenario, vehicle, spec.mount)
         self._true_view = TrueView(self.replica, spec.mount) if truth else None
         streams = RandomStreams(spec.noise_seed(scenario.seed), f"{vehicle.name}/{spec.name}")
         draws = RevolutionDraws(streams)
@@ -255,7 +255,7 @@ class Scanner:
         start_seconds = (start_nanos - first_tick * TICK_NANOS) / NANOS
         tick = self._schedule.tick(revolution)
         self.sweep.aim(revolution)
-        self.sweep.follow(poses[:, self.replica.base], start_seconds, firings)
+        self.sweep.follow(poses[:, self.replica.carrier], start_seconds, firings)
         self.replica.scene.move(poses)
         rays = self._beams.rays(firings, tick)
         hits = self.replica.scene.cast(*rays, self._max_range_m)

@@ -91,7 +91,7 @@ class TrueView:
             in_body = np.einsum("nji,jn->ni", world_from_body_then, in_world[:, moving] - then.T)
             in_world[:, moving] = np.einsum("nij,nj->in", world_from_body_now, in_body) + now.T
 
-        base_body = np.array([self._replica.base])
+        base_body = np.array([self._replica.carrier])
         (base,), (world_from_base,) = _poses(motion, np.array([stamp_ticks]), base_body)
         eye = base + world_from_base @ self._eye_in_base
         sensor_from_world = (world_from_base @ self._base_from_sensor).T

@@ -14,6 +14,7 @@ from groundlink.ros.base import Bases
 from groundlink.ros.cdr import READERS, to_cdr
 from groundlink.ros.streams import incoming
 from groundlink.scenario import Scenario
+from groundlink.scenario.every_sensor import Mount
 from services.physics.run.episode import Episode
 from services.physics.run.publishers import silent_publishers
 from services.physics.trials.track import drive, put
@@ -135,7 +136,7 @@ def test_rays_and_pictures_see_the_joint_where_it_is(outdoors: Scenario) -> None
         drive(simulation, 1.0)
         vehicle = simulation.vehicle_states()["it"]
     tank = outdoors.vehicles[0]
-    around = WorldReplica(outdoors, tank, (0.0, 0.0, 0.0))
+    around = WorldReplica(outdoors, tank, Mount((0.0, 0.0, 0.0)))
     around.take(
         State(
             "t",

@@ -60,7 +60,7 @@ class Eye:
     ) -> None:
         self._span_nanos = span_nanos
         self.pinhole = pinhole or Pinhole.of(spec)
-        self.around = WorldReplica(scenario, vehicle, spec.mount.xyz_m)
+        self.around = WorldReplica(scenario, vehicle, spec.mount)
         self._base_from_optical = transform(spec.mount.xyz_m, spec.mount.quaternion(optical=True))
         self.renderer = Renderer(
             scenario.world, self.around, self.pinhole, layers=layers, samples=spec.samples
@@ -89,7 +89,7 @@ class Eye:
         # Adding 0.0 turns -0.0 into 0.0, which has other bytes.
         poses = np.rint(self.around.at(nanos) * STEPS_PER_UNIT) / STEPS_PER_UNIT + 0.0
         self.renderer.place(poses)
-        base = poses[self.around.base]
+        base = poses[self.around.carrier]
         world_from_optical: Floats = transform(base[:3], base[3:]) @ self._base_from_optical
         return world_from_optical
 

@@ -80,7 +80,7 @@ def scene(kind: FileKind, scenario: Scenario, towards_eye: Floats) -> PortraitSc
         built += there
         names += [vehicle.name] * len(there)
         poses.append(_standing(vehicle, terrain))
-        frames += _frames(vehicle, poses[-1][0], alone=kind is FileKind.VEHICLE)
+        frames += _frames(vehicle, poses[-1], alone=kind is FileKind.VEHICLE)
     for actor in scenario.world.actors:
         place = motion.initial_pose(actor.motion, terrain)
         built.append(form_solids(actor.form))
@@ -128,16 +128,18 @@ def _standing(vehicle: Vehicle, terrain: Ground | None) -> Floats:
     return np.hstack([positions, np.tile(turn, (len(positions), 1))])
 
 
-def _frames(vehicle: Vehicle, base: Floats, *, alone: bool) -> list[NamedFrame]:
+def _frames(vehicle: Vehicle, links: Floats, *, alone: bool) -> list[NamedFrame]:
     """Return the frames of a vehicle: base and mounts if it is alone, otherwise its base only."""
+    base = links[0]
     if not alone:
         return [NamedFrame(vehicle.name, transform(base[:3], base[3:]))]
     mounts = [
         NamedFrame(
             name,
-            transform(base[:3], base[3:]) @ transform(mount.xyz_m, mount.quaternion()),
+            transform(at[:3], at[3:]) @ transform(mount.xyz_m, mount.quaternion()),
         )
         for name, mount in vehicle.model.mounts.items()
+        for at in (links[vehicle.model.link_of(mount)],)
     ]
     return [NamedFrame(vehicle.model.base_frame, transform(base[:3], base[3:])), *mounts]
 

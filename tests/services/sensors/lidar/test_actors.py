@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import BadBusMessage, PointCloud, State, packed
+from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.schema import Scenario
 from groundlink.scene.bodies import link_bodies
 from groundlink.world.actor_motion import mover
@@ -63,7 +64,7 @@ def test_a_moving_board_is_met_where_it_is_at_each_rays_time() -> None:
 
 def test_a_body_of_a_state_that_lacks_actors_is_refused() -> None:
     made = room(board())
-    replica = Replica(made, made.vehicles[0], (0.0, 0.0, 0.5))
+    replica = Replica(made, made.vehicles[0], Mount((0.0, 0.0, 0.5)))
     (state,) = rooms.states(made, rooms.at_rest, 1)
     with pytest.raises(BadBusMessage, match="1 link poses of `actors`"):
         replica.take(state)
@@ -71,7 +72,7 @@ def test_a_body_of_a_state_that_lacks_actors_is_refused() -> None:
 
 def test_actors_are_numbered_after_all_links() -> None:
     made = room(board())
-    replica = Replica(made, made.vehicles[0], (0.0, 0.0, 0.5))
+    replica = Replica(made, made.vehicles[0], Mount((0.0, 0.0, 0.5)))
     links = link_bodies(made)
     assert links[-1] == replica.movers[-1] == "board"
     assert len(links) == len(replica.links)

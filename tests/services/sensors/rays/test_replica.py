@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from groundlink.messages.base import BadBusMessage
+from groundlink.scenario.every_sensor import Mount
 from services.sensors.rays.replica import Replica
 from tests.services.sensors.lidar import rooms
 
@@ -20,7 +21,7 @@ def height(replica: Replica, x: float, y: float) -> tuple[float, int, int]:
 
 def replica(**visuals: object) -> Replica:
     scenario = rooms.scenario(visuals=[{"name": n, **v} for n, v in visuals.items()])  # type: ignore[dict-item]
-    made = Replica(scenario, scenario.vehicles[0], (0.0, 0.0, 0.5))
+    made = Replica(scenario, scenario.vehicles[0], Mount((0.0, 0.0, 0.5)))
     for state in rooms.states(scenario, lambda t: ((1.0, 0.5, 0.2), (0, 0, np.pi / 2)), 2):
         made.take(state)
     made.scene.move(made.motion(0, 1))
@@ -78,7 +79,7 @@ def test_enclosure_is_tested_by_shape(shape: dict[str, object], inside: bool) ->
 
 def test_a_state_without_a_link_is_refused() -> None:
     scenario = rooms.scenario()
-    made = Replica(scenario, scenario.vehicles[0], (0.0, 0.0, 0.5))
+    made = Replica(scenario, scenario.vehicles[0], Mount((0.0, 0.0, 0.5)))
     (state,) = rooms.states(scenario, rooms.at_rest, 1, links=1)
     with pytest.raises(BadBusMessage, match=r"tick 0: expected 4 link poses of `rover`"):
         made.take(state)
@@ -86,7 +87,7 @@ def test_a_state_without_a_link_is_refused() -> None:
 
 def test_motion_follows_the_states_taken() -> None:
     scenario = rooms.scenario()
-    made = Replica(scenario, scenario.vehicles[0], (0.0, 0.0, 0.5))
+    made = Replica(scenario, scenario.vehicles[0], Mount((0.0, 0.0, 0.5)))
     way = rooms.driving(speed_mps=1.0, turn_radps=0.5)
     for state in rooms.states(scenario, way, 30, first_tick=10):
         made.take(state)

@@ -49,7 +49,7 @@ def height_m(x_m: float) -> float:
 
 
 def test_labels_bodies_and_reflectivity(hillside: Scenario) -> None:
-    replica = Replica(hillside, hillside.vehicles[0], (0.0, 0.0, 0.5))
+    replica = Replica(hillside, hillside.vehicles[0], Mount((0.0, 0.0, 0.5)))
     for state in rooms.states(hillside, lambda _: ((-4.0, -3.0, 2.0), (0, 0, 0)), 2):
         replica.take(state)
     replica.scene.move(replica.motion(0, 1))

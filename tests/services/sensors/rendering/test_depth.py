@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from groundlink.core.frames import Floats
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
+from groundlink.scenario.every_sensor import Mount
 from services.sensors.rays.replica import Replica
 from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
@@ -56,7 +57,7 @@ def inside(normals: Floats, labels: NDArray[np.int32]) -> NDArray[np.bool_]:
 def test_depth_agrees_with_rays(world: str) -> None:
     scenario = load(SHIPPED / f"{'indoor_lab' if world == 'lab' else 'yard'}.yaml")
     around = views.world_replica(scenario)
-    replica = Replica(scenario, scenario.vehicles[0], (0.0, 0.0, 50.0))
+    replica = Replica(scenario, scenario.vehicles[0], Mount((0.0, 0.0, 50.0)))
     poses = views.parked(around, (-1.0, 0.5, 0.17))
     replica.scene.move(np.stack([poses, poses]))
     made = Renderer(scenario.world, around, PINHOLE, layers=ALL_LAYERS)

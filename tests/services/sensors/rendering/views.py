@@ -9,7 +9,7 @@ import numpy as np
 from groundlink.core.frames import Floats, multiply, quaternion_from_rpy, transform
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.scenario.every_sensor import MOUNT_FROM_OPTICAL
+from groundlink.scenario.every_sensor import MOUNT_FROM_OPTICAL, Mount
 from groundlink.scenario.schema import Scenario
 from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
@@ -29,7 +29,7 @@ def looking(at_m: Sequence[float], *, yaw_deg: float = 0.0, pitch_deg: float = 0
 
 
 def world_replica(scenario: Scenario) -> WorldReplica:
-    return WorldReplica(scenario, scenario.vehicles[0], (0.0, 0.0, 50.0))
+    return WorldReplica(scenario, scenario.vehicles[0], Mount((0.0, 0.0, 50.0)))
 
 
 def parked(around: WorldReplica, at_m: Sequence[float] = (0.0, 0.0, 0.2)) -> Floats:

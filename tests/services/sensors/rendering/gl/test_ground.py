@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats
 from groundlink.loader.partial_scenario import load_partial
+from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.schema import Scenario
 from groundlink.world.terrain import Ground, load_ground
 from groundlink.world.weather import Lamps, Sun
@@ -44,7 +45,7 @@ def above(scenario: Scenario, x: float, y: float, up: float, **turn: float) -> F
 
 def cast(scenario: Scenario, pose: Floats, sub_pixel: float = 0.0) -> NDArray[np.float32]:
     """Return the depth of each pixel by rays, those of pixels a bit lower."""
-    replica = Replica(scenario, scenario.vehicles[0], (0.0, 0.0, 50.0))
+    replica = Replica(scenario, scenario.vehicles[0], Mount((0.0, 0.0, 50.0)))
     parked = views.parked(views.world_replica(scenario), (0.0, 0.0, -400.0))
     replica.scene.move(np.stack([parked, parked]))
     local = PINHOLE.rays() + np.array([0.0, sub_pixel / PINHOLE.fy, 0.0])
