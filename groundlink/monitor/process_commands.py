@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Command lines of the processes of a run. Services are started as ``python -m`` only."""
 
+import os
 import socket
 from collections import defaultdict
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from groundlink.bus.core_topics import GATEWAY, PHYSICS, RECORDER
@@ -21,26 +22,46 @@ SHARED_MODULE = "services.sensors"
 """Module of several sensors in one process."""
 
 
-def sensor_processes(scenario: Scenario, wanted: Collection[str]) -> dict[str, list[str]]:
+def sensor_processes(
+    scenario: Scenario, wanted: Collection[str], *, cores: int | None = None
+) -> dict[str, list[str]]:
     """Return the command lines of the processes of sensors, without what joins them to a run.
 
-    A process of several sensors has all their names, such as `rover/imu+encoders`. The sensor with
-    the highest rate is the first that gets a state.
+    Light sensors of a vehicle share a process, each other one has its own. Of more vehicles than
+    cores, several share a process of light sensors, and one of each other kind: every process gets
+    the states of all vehicles. A process of several sensors has all their names, such as
+    `rover/imu+encoders`. The sensor with the highest rate is the first that gets a state.
+
+    Parameters
+    ----------
+    cores
+        processors that the processes may use; None: those of this process.
     """
-    groups: dict[tuple[str, str], list[SensorSpec]] = defaultdict(list)
-    for vehicle in scenario.vehicles:
+    cores = cores or len(os.sched_getaffinity(0))
+    vehicles = scenario.vehicles
+    groups: dict[tuple[int, str], dict[str, SensorSpec]] = defaultdict(dict)
+    for index, vehicle in enumerate(vehicles):
+        share = index * min(cores, len(vehicles)) // len(vehicles)
         for sensor in vehicle.sensors:
-            if f"{vehicle.name}/{sensor.name}" in wanted:
-                own = "" if shares_process(sensor) else sensor.name
-                groups[vehicle.name, own].append(sensor)
+            name = f"{vehicle.name}/{sensor.name}"
+            if name in wanted:
+                is_own = len(vehicles) <= cores or sensor.process == "own"
+                own = "" if shares_process(sensor) else name if is_own else sensor.kind
+                groups[share, own][name] = sensor
     modules, found = process_names(scenario), {}
-    for (vehicle_name, _), sensors in groups.items():
-        sensors.sort(key=lambda sensor: -sensor.message_rate_hz)
-        names = [f"{vehicle_name}/{sensor.name}" for sensor in sensors]
+    for sensors in groups.values():
+        names = sorted(sensors, key=lambda name: -sensors[name].message_rate_hz)
         module = modules[names[0]] if len(names) == 1 else SHARED_MODULE
-        process = f"{vehicle_name}/{'+'.join(sensor.name for sensor in sensors)}"
-        found[process] = ["-m", module, *(word for name in names for word in ("--name", name))]
+        found[_joint_name(names)] = ["-m", module, *(w for n in names for w in ("--name", n))]
     return found
+
+
+def _joint_name(names: Sequence[str]) -> str:
+    """Return the name of a process of sensors: its vehicles, and its sensors once each."""
+    pairs = [name.split("/") for name in names]
+    vehicles, sensors = ([*dict.fromkeys(column)] for column in zip(*pairs, strict=True))
+    first, last = vehicles[0], vehicles[-1]
+    return f"{first if first == last else f'{first}..{last}'}/{'+'.join(sensors)}"
 
 
 def commands(

@@ -153,7 +153,9 @@ class SensorSpec(Spec, frozen=True, tag_field="kind"):
     process: Literal["own", "shared"] | None = None
     """Process of the sensor on one machine: its own, or one that it shares with all sensors of the
     vehicle that do so; None: as its kind. Inertial units, encoders, wheel odometry, range finders
-    and satellite receivers share. In containers each sensor has its own."""
+    and satellite receivers share. With more vehicles than cores, several vehicles share the
+    processes of their sensors, without those that are `own`. In containers each sensor has its own.
+    """
 
     faults: tuple[Fault, ...] = ()
     """Faults of the sensor, each with its times."""

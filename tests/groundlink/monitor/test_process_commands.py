@@ -34,7 +34,7 @@ def test_light_sensors_of_a_vehicle_share_a_process_and_the_fastest_comes_first(
 
 
 def test_each_vehicle_has_a_shared_process_of_its_own() -> None:
-    found = sensor_processes(ROVERS, ROVERS.sensor_names())
+    found = sensor_processes(ROVERS, ROVERS.sensor_names(), cores=2)
     shared = [name for name in found if "+" in name]
     assert [name.partition("/")[0] for name in shared] == ["first", "second"]
 
@@ -46,6 +46,40 @@ def test_a_sensor_can_have_its_own_process_or_share_one() -> None:
     ]
     shared = with_process(LAB, "lidar", "shared")
     assert "rover/imu+encoders+lidar" in sensor_processes(shared, shared.sensor_names())
+
+
+def fleet(count: int) -> Scenario:
+    """Return a scenario with so many vehicles of the same sensors."""
+    first = ROVERS.vehicles[0]
+    return replace(ROVERS, vehicles=tuple(replace(first, name=f"v{i}") for i in range(count)))
+
+
+@pytest.mark.parametrize(
+    ("count", "cores", "vehicles"),
+    [
+        (2, 2, ["v0", "v1"]),
+        (5, 2, ["v0..v2", "v3..v4"]),
+        (9, 4, ["v0..v2", "v3..v4", "v5..v6", "v7..v8"]),
+    ],
+)
+def test_vehicles_share_processes_of_sensors_if_there_are_fewer_cores(
+    count: int, cores: int, vehicles: list[str]
+) -> None:
+    many = fleet(count)
+    found = sensor_processes(many, many.sensor_names(), cores=cores)
+    light = "imu+encoders+odometry"
+    assert [*found] == [f"{some}/{kind}" for some in vehicles for kind in ("scanner", light)]
+    started = [word for command in found.values() for word in command if "/" in word]
+    assert sorted(started) == sorted(many.sensor_names())
+
+
+def test_a_process_of_several_vehicles_has_one_kind_and_no_sensor_with_its_own() -> None:
+    many = fleet(3)
+    own = with_process(many, "scanner", "own")
+    found = sensor_processes(own, own.sensor_names(), cores=1)
+    assert [*found] == ["v0/scanner", "v0..v2/imu+encoders+odometry", "v1..v2/scanner"]
+    assert found["v0/scanner"][:2] == ["-m", "services.sensors.lidar_2d"]
+    assert found["v1..v2/scanner"][:2] == ["-m", "services.sensors"]
 
 
 def test_only_the_wanted_sensors_run() -> None:
