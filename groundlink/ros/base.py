@@ -8,6 +8,7 @@ only the first is used, since a frame has one parent and a joint one angle.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -69,6 +70,13 @@ class Base:
     def __init__(self, scenario: Scenario, vehicle: Vehicle, run: str) -> None:
         self._vehicle = vehicle
         self._encoders = _encoders(vehicle)
+        # Computed once: every message of the encoders needs them.
+        self._counted = vehicle.model.counted if self._encoders is not None else ()
+        wheels = vehicle.model.wheels
+        self._turning = tuple(wheels[i].name for shaft in self._counted for i in shaft.wheels)
+        """Names of the wheels whose angles the encoders measure."""
+
+        self._most_radps = POSSIBLE * self._fastest_radps() if self._counted else 0.0
         odometry = _odometry(vehicle) if vehicle.tf.odom else None
         self._joints_topic = f"{vehicle.namespace}/{JOINT_STATES}"
         self.topics: list[BaseTopic] = []
@@ -105,12 +113,14 @@ class Base:
             tf_hz += odometry.message_rate_hz if odometry else vehicle.ground_truth.rate_hz
         if tf_hz:
             self.topics.append(BaseTopic(TF_TOPIC, Transforms, tf_hz))
-        self._roles = {key: role for role, key in self.keys.items()}
+        self.roles = {key: role for role, key in self.keys.items()}
+        """Roles of the bus topics, by key."""
+
         self.description_topic = f"{vehicle.namespace}/{DESCRIPTION}"
         self.description = urdf(
             vehicle.model,
             mounts(vehicle, 0),
-            self._all_joints.names if self._all_joints else self._turning(),
+            self._all_joints.names if self._all_joints else self._turning,
             scenario.world.materials,
             self._ros2_control(),
         )
@@ -127,9 +137,9 @@ class Base:
 
     def receive(self, key: str, message: BusMessage) -> Iterator[DerivedMessage]:
         """Yield the ROS messages that follow from a message of the bus."""
-        role = self._roles.get(key)
+        role = self.roles.get(key)
         if role == "encoders" and isinstance(message, WheelEncoders):
-            if len(message.ticks) != len(self._vehicle.model.counted):
+            if len(message.ticks) != len(self._counted):
                 return  # The reading is from a replayed run or another publisher.
             measured = self._joint_state(message)
             yield from self._joint_states("encoders", measured, measured_nanos(message))
@@ -174,19 +184,13 @@ class Base:
             return ()
         return (stamped(*still, (0.0, 0.0, 0.0), IDENTITY_QUATERNION),)
 
-    def _turning(self) -> list[str]:
-        """Return the wheels whose angles the encoders measure."""
-        model = self._vehicle.model
-        counted = model.counted if self._encoders is not None else ()
-        return [model.wheels[i].name for shaft in counted for i in shaft.wheels]
-
     def _joint_state(self, message: WheelEncoders) -> JointState:
         """Return the angle and speed of each wheel on a shaft with an encoder."""
         spec, model = self._encoders, self._vehicle.model
         assert spec is not None
         radians_per_tick = 2 * math.pi / spec.ticks_per_wheel_revolution
         angles = []
-        for shaft, ticks in zip(model.counted, message.ticks, strict=True):
+        for shaft, ticks in zip(self._counted, message.ticks, strict=True):
             sign = -1 if shaft.name in spec.reversed_wheels else 1
             since = (ticks - spec.start_ticks + 2**63) % 2**64 - 2**63
             for i in shaft.wheels:
@@ -196,13 +200,13 @@ class Base:
         now, speeds = np.array(angles), np.zeros(len(angles))
         if self._last is not None and message.stamp_nanos > self._last[0]:
             speeds = (now - self._last[1]) / ((message.stamp_nanos - self._last[0]) / NANOS)
-            if np.abs(speeds).max() > POSSIBLE * self._fastest_radps():
+            if np.abs(speeds).max() > self._most_radps:
                 speeds[:] = 0.0
         self._last = message.stamp_nanos, now
         return JointState(
             stamp_nanos=message.stamp_nanos,
             frame="",
-            names=tuple(self._turning()),
+            names=self._turning,
             positions=packed(now),
             velocities=packed(speeds),
             efforts=memoryview(b""),
@@ -212,7 +216,7 @@ class Base:
         model = self._vehicle.model
         return model.drive.max_wheel_speed_radps * max(
             shaft.radius_m / model.wheels[i].radius_m
-            for shaft in model.counted
+            for shaft in self._counted
             for i in shaft.wheels
         )
 
@@ -226,15 +230,17 @@ class TrueTree:
 
     def __init__(self, vehicle: Vehicle, run: str) -> None:
         odometry = _odometry(vehicle) if vehicle.tf.odom else None
-        self._roles: dict[str, str] = {}
+        self.roles: dict[str, str] = {}
+        """Roles of the bus topics that the tree follows, by key."""
+
         self.topics: list[BaseTopic] = []
         """Topics of the messages; empty if `/tf` includes `world` already."""
 
         if vehicle.tf.map != "truth":
-            self._roles[GROUND_TRUTH.key_in(run, vehicle=vehicle.name)] = "truth"
+            self.roles[GROUND_TRUTH.key_in(run, vehicle=vehicle.name)] = "truth"
             rate_hz = vehicle.ground_truth.rate_hz
             if odometry is not None:
-                self._roles[_key(run, vehicle, odometry)] = "odometry"
+                self.roles[_key(run, vehicle, odometry)] = "odometry"
                 rate_hz = odometry.message_rate_hz
             self.topics.append(BaseTopic(TRUE_TF_TOPIC, Transforms, rate_hz))
         self._from_truth = TopFromTruth(
@@ -247,7 +253,7 @@ class TrueTree:
 
     def receive(self, key: str, message: BusMessage) -> Iterator[DerivedMessage]:
         """Yield the ROS messages that follow from a message of the bus."""
-        role = self._roles.get(key)
+        role = self.roles.get(key)
         if role is not None and isinstance(message, Odometry):
             for nanos, transform in self._from_truth.receive(role, message):
                 yield DerivedMessage(TRUE_TF_TOPIC, Transforms((transform,)), nanos)
@@ -267,6 +273,10 @@ class Bases:
         self._bases = [Base(scenario, vehicle, run) for vehicle in scenario.vehicles]
         trees = [TrueTree(vehicle, run) for vehicle in scenario.vehicles if truth]
         self._drivers: list[Base | TrueTree] = [*self._bases, *trees]
+        self._by_key: dict[str, list[Base | TrueTree]] = defaultdict(list)
+        for driver in self._drivers:
+            for key in driver.roles:
+                self._by_key[key].append(driver)
         self.topics = [topic for driver in self._drivers for topic in driver.topics]
         """Topics of the messages that follow from bus messages."""
 
@@ -278,7 +288,7 @@ class Bases:
 
     def receive(self, key: str, message: BusMessage) -> Iterator[DerivedMessage]:
         """Yield the ROS messages that follow from a message of the bus."""
-        for driver in self._drivers:
+        for driver in self._by_key.get(key, ()):
             yield from driver.receive(key, message)
 
     def restart(self) -> None:

@@ -190,13 +190,13 @@ class Scanner:
     def restart(self) -> None:
         """Forget earlier states; measure from the next block on."""
         self.replica.restart()
-        self._block = self._tick = self._end_tick = -1
+        self._block = self._tick = self._first_tick = self._end_tick = -1
 
     def settled_tick(self) -> int:
         """Return the tick at which the present block began; -1 before the first state."""
         if self._block < 0:
             return -1
-        return min(self._tick, self.blocks.first_tick(self._block))
+        return min(self._tick, self._first_tick)
 
     def take(self, state: State) -> list[Scan | LeftOut]:
         """Take the state of the next tick and return the blocks that it completes, oldest first.
@@ -227,7 +227,8 @@ class Scanner:
 
     def _begin(self, block: int) -> None:
         self._block, self._end_tick = block, self.blocks.end_tick(block)
-        self.replica.forget(self.blocks.first_tick(block))
+        self._first_tick = self.blocks.first_tick(block)
+        self.replica.forget(self._first_tick)
 
     def _scans(self, blocks: range) -> list[Scan]:
         """Measure blocks of one revolution, with one cast."""
