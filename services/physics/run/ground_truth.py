@@ -24,7 +24,8 @@ from groundlink.messages.navigation import (
     OccupancyGrid,
     Odometry,
 )
-from groundlink.scenario.schema import Scenario, TrueMap, Vehicle
+from groundlink.scenario.ros_side import TrueMap
+from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scene.bodies import body_names
 from groundlink.scene.true_map import true_map
 from groundlink.world.solids import Solid

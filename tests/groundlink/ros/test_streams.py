@@ -8,7 +8,7 @@ from groundlink.messages.navigation import Odometry
 from groundlink.ros.base import Base, Bases, is_latched
 from groundlink.ros.cdr import ros_type_of
 from groundlink.ros.streams import outgoing, static_transforms
-from groundlink.scenario.schema import TrueMap
+from groundlink.scenario.ros_side import TrueMap
 from udp_bridge.node.topic_qos import publisher_qos
 from udp_bridge.wire.types import MSG_TYPES, NUMBER_OF_ROS_TYPE, TYPED
 

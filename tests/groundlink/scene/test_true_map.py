@@ -11,7 +11,8 @@ from groundlink.importing.map_files import solids_of
 from groundlink.importing.map_specs import OccupancyMapFile
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED
-from groundlink.scenario.schema import TrueMap, World
+from groundlink.scenario.ros_side import TrueMap
+from groundlink.scenario.schema import World
 from groundlink.scene.build import WorldError, solids
 from groundlink.scene.true_map import check_true_map, default_heights_m, true_map
 from groundlink.world.occupancy import FREE, OCCUPIED, MapGrid, OccupancyMap

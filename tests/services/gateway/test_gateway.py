@@ -30,9 +30,8 @@ from groundlink.ros.cdr import to_cdr
 from groundlink.ros.streams import outgoing
 from groundlink.ros.types import WHEEL_ENCODERS_DEFINITION, header
 from groundlink.scenario import Scenario
-from groundlink.scenario.ros_side import FromRos, JointGroup
+from groundlink.scenario.ros_side import FromRos, JointGroup, TrueMap
 from groundlink.scenario.ros_side import Stream as ExtraStream
-from groundlink.scenario.schema import TrueMap
 from services.gateway.gateway import Gateway
 from services.gateway.streams import LEASE_SECONDS, TF_MESSAGE, wire_type
 from tests.udp_bridge.vectors import VECTORS

@@ -16,7 +16,8 @@ from groundlink.loader import load
 from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.messages.base import Ack, BusMessage, Command, State, decode, encode
 from groundlink.scenario import Scenario
-from groundlink.scenario.schema import Placement, TrueMap
+from groundlink.scenario.ros_side import TrueMap
+from groundlink.scenario.schema import Placement
 from groundlink.world.actors import (
     Actor,
     CrateForm,

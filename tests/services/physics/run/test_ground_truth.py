@@ -14,7 +14,8 @@ from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.base import State, VehicleState, floats, packed
 from groundlink.scenario import Scenario
-from groundlink.scenario.schema import BodyPoses, GroundTruth, TrueMap, Vehicle
+from groundlink.scenario.ros_side import BodyPoses, GroundTruth, TrueMap
+from groundlink.scenario.schema import Vehicle
 from groundlink.scene.build import solids
 from groundlink.scene.change import with_more
 from groundlink.scene.true_map import true_map

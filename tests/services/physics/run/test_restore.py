@@ -16,7 +16,7 @@ from groundlink.loader.additions import SpawnPlace, addition
 from groundlink.messages.base import Ack, BusMessage, Command, State, WheelCommand, decode, encode
 from groundlink.scenario import Scenario
 from groundlink.scenario.lockstep_window import HISTORY_TICKS
-from groundlink.scenario.schema import TrueMap
+from groundlink.scenario.ros_side import TrueMap
 from groundlink.world import assets
 from services.physics.run.episode import Episode
 from services.physics.run.publishers import Publishers, silent_publishers
