@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import isfinite, isinf
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
-from msgspec import Meta, field
+from msgspec import UNSET, Meta, UnsetType, field
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_RATE_HZ, exact
@@ -37,7 +37,7 @@ from .ros_side import (
 )
 from .route import Route
 from .sensor_kinds import sensor_union
-from .vehicle import Effect, VehicleModel
+from .vehicle import Effect, Payload, VehicleModel
 
 Sensor: TypeAlias = SensorSpec
 """A sensor of any installed kind, identified by its tag. Type checkers see the fields that all
@@ -238,6 +238,10 @@ class Vehicle(Spec, frozen=True, kw_only=True):
 
     effects: tuple[Effect, ...] = ()
     """Effects of the model that act. Each is a field of the model, which has its figures."""
+
+    payload: tuple[Payload, ...] | UnsetType = UNSET
+    """Loads on the vehicle: they add to its mass and inertia, shift its center of mass and press
+    its springs; none: the model's own mass."""
 
     def __post_init__(self) -> None:
         self.model.with_effects(self.effects)

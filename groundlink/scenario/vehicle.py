@@ -172,6 +172,19 @@ class Bumper(Spec, frozen=True, kw_only=True):
     """Force by speed of entry, likewise."""
 
 
+class Payload(Spec, frozen=True, kw_only=True):
+    """A load that is fixed to the body. It neither collides nor is seen."""
+
+    mass_kg: Positive
+    """Mass of the load."""
+
+    at_m: Vector3
+    """Center of mass of the load in the base frame."""
+
+    size_m: Size3 | None = None
+    """Full lengths of the load along x, y, z, a uniform box; none: a point."""
+
+
 class VehicleModel(Spec, frozen=True, kw_only=True):
     """Model of a vehicle."""
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence, Set
 from contextlib import closing
 from typing import Self
 
+import numpy as np
 from msgspec import UNSET, Struct, msgpack
 from msgspec.structs import replace
 
@@ -232,9 +233,9 @@ class Simulation:
         )
         if (known := self._known.vehicles.get(described.name)) is not None:
             vehicle.remember(known)
-        elif (ground := self._terrain.ground) is not None:
-            rest = settled(described, ground, self._materials, self._new_backend)
-            if rest is not None:
+        elif (ground := self._terrain.ground) is not None or described.payload:
+            on, materials = (ground, self._materials) if ground else (LEVEL, ON_LEVEL)
+            if (rest := settled(described, on, materials, self._new_backend)) is not None:
                 vehicle.put(rest)
         self._vehicles[described.name] = vehicle
         self._models[described.name] = described.model
@@ -388,6 +389,11 @@ def _whole(name: str) -> Solid:
     return Solid(name, Sphere(radius_m=1.0), "")
 
 
+LEVEL = Ground(np.zeros((2, 2), np.float32), np.zeros((1, 1), np.uint8), 1.0, 0.0, 0.0, ("level",))
+"""Ground on which a payload presses the springs, where there is no terrain."""
+
+ON_LEVEL = {"level": Material()}
+
 MAX_TICKS = 2400
 """A vehicle that still moves after these is not at rest anywhere near."""
 
@@ -407,8 +413,9 @@ def settled(
     """Return how a vehicle rests on the terrain at its placement; None if it does not.
 
     Computed in a backend of its own with the terrain alone, so that nothing in the run moves. On
-    flat ground springs start at their loaded rest, and nothing is computed. A vehicle that slides,
-    as on ice, or starts above the ground, starts where `groundlink.scene.spawn_pose` puts it.
+    flat ground springs start at their loaded rest, and without payload nothing is computed. A
+    vehicle that slides, as on ice, or starts above the ground, starts where
+    `groundlink.scene.spawn_pose` puts it.
 
     Effects do not act: a running engine never comes to rest. Wheels do not sink yet.
 

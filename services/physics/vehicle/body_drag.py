@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Aerodynamic drag and damping of a vehicle's body; `vehicle.c` applies them."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from groundlink.core.fields import Vector3
-from groundlink.scenario.vehicle import VehicleModel
+from groundlink.scenario.vehicle import Payload, VehicleModel
 
 from .urdf import chassis_moments
 
@@ -25,15 +26,17 @@ class BodyDrag(NamedTuple):
     angular_nmsprad: Vector3
 
 
-def body_drag(model: VehicleModel) -> BodyDrag:
-    """Return drag and damping of a vehicle."""
-    chassis, wheels = model.chassis, model.wheels
-    mass = chassis.mass_kg + sum(wheel.mass_kg for wheel in wheels)
+def body_drag(model: VehicleModel, payload: Sequence[Payload] = ()) -> BodyDrag:
+    """Return drag and damping of a vehicle with its payload."""
+    chassis = model.chassis
+    parts = [(wheel.mass_kg, wheel.center_m) for wheel in model.wheels]
+    parts += [(load.mass_kg, load.at_m) for load in payload]
+    mass = chassis.mass_kg + sum(part_kg for part_kg, _ in parts)
     moments = list(chassis_moments(chassis))
-    for wheel in wheels:
-        x, y, z = (w - c for w, c in zip(wheel.center_m, chassis.center_m, strict=True))
+    for part_kg, at_m in parts:
+        x, y, z = (p - c for p, c in zip(at_m, chassis.center_m, strict=True))
         for i, square in enumerate((y * y + z * z, x * x + z * z, x * x + y * y)):
-            moments[i] += wheel.mass_kg * square
+            moments[i] += part_kg * square
     about_x, about_y, about_z = (chassis.angular_damping_per_s * moment for moment in moments)
     return BodyDrag(
         AIR_DENSITY_KGPM3 / 2 * chassis.drag_area_m2,

@@ -7,6 +7,7 @@ along the base's z, held by a spring's force. It neither turns nor steers here: 
 sphere are the same, and half as many links take half the time. The running gear does both.
 """
 
+from collections.abc import Sequence
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import matrix_from_quaternion, rpy_from_matrix
 from groundlink.scenario.running_gear import Wheel
-from groundlink.scenario.vehicle import Chassis, VehicleModel
+from groundlink.scenario.vehicle import Chassis, Payload, VehicleModel
 from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid, Sphere
 from services.physics.soil.wheel import DEEPEST
 
@@ -29,11 +30,13 @@ HULL_DIRECTIONS = 64
 Element = ElementTree.Element
 
 
-def urdf(model: VehicleModel, *, sinks: bool = False) -> str:
+def urdf(model: VehicleModel, payload: Sequence[Payload] = (), *, sinks: bool = False) -> str:
     """Return a URDF document of a model; it refers to its meshes' hulls by `hull_file`.
 
     Parameters
     ----------
+    payload
+        fixed to the base, whose frame stays at the center of mass of the chassis.
     sinks
         whether the body comes down to the ground beyond the travel of its springs, since wheels
         sink that stand on the ground here.
@@ -48,16 +51,23 @@ def urdf(model: VehicleModel, *, sinks: bool = False) -> str:
         _collision(base, part.shape, part.position_m, _rpy(part))
     for wheel in model.wheels:
         _wheel(robot, model, wheel, DEEPEST * wheel.radius_m if sinks else 0.0)
+    for i, load in enumerate(payload):
+        _fix(robot, model.base_frame, f"payload_{i}", load)
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode")
 
 
 def chassis_moments(chassis: Chassis) -> Vector3:
-    """Return the principal moments, kg m^2; those of a uniform box are m (b^2 + c^2) / 12."""
+    """Return the principal moments of a chassis, kg m^2: its own, or those of its box."""
     if chassis.inertia_kgm2:
         return chassis.inertia_kgm2
-    x, y, z = (length**2 for length in chassis.size_m)
-    m = chassis.mass_kg / 12
+    return box_moments(chassis.mass_kg, chassis.size_m)
+
+
+def box_moments(mass_kg: float, size_m: Vector3) -> Vector3:
+    """Return the principal moments of a uniform box, kg m^2: m (b^2 + c^2) / 12."""
+    x, y, z = (length**2 for length in size_m)
+    m = mass_kg / 12
     return m * (y + z), m * (x + z), m * (x + y)
 
 
@@ -94,6 +104,16 @@ def convex_hull(vertices: NDArray[np.float32]) -> str:
 def suspension_joint(wheel: Wheel) -> str:
     """Return the name of the sliding joint that carries a wheel."""
     return f"{wheel.name}_suspension"
+
+
+def _fix(robot: Element, base: str, name: str, load: Payload) -> None:
+    """Add a load on a joint that does not move."""
+    joint = _sub(robot, "joint", name=f"{name}_joint", type="fixed")
+    _sub(joint, "parent", link=base)
+    _sub(joint, "child", link=name)
+    _sub(joint, "origin", xyz=_text(*load.at_m))
+    size = load.size_m or (0.0, 0.0, 0.0)
+    _inertial(_sub(robot, "link", name=name), load.mass_kg, box_moments(load.mass_kg, size))
 
 
 def _wheel(robot: Element, model: VehicleModel, wheel: Wheel, sinking_m: float) -> None:

@@ -17,7 +17,7 @@ from groundlink.messages.base import VehicleState, floats, packed
 from groundlink.messages.ground_truth import WheelInSoil
 from groundlink.messages.navigation import JointState
 from groundlink.scenario.schema import Vehicle
-from groundlink.scenario.vehicle import Bumper, VehicleModel
+from groundlink.scenario.vehicle import Bumper, Payload, VehicleModel
 from groundlink.scene.spawn_pose import spawn_pose
 from groundlink.world.mesh_asset import load_mesh
 from groundlink.world.roughness import RoughGround
@@ -127,6 +127,7 @@ class SimulatedVehicle(Structure):
     ) -> None:
         self._backend = backend
         self._model = model = vehicle.model.with_effects(vehicle.effects)
+        payload = vehicle.payload or ()
         self.drive = Controller(model, epoch_nanos=epoch_nanos)
         self.servos = Servos(model.joints, epoch_nanos=epoch_nanos)
         self._joint_commands = JointCommandReader(model)
@@ -138,19 +139,21 @@ class SimulatedVehicle(Structure):
             if isinstance(mesh, Mesh)
         }
         self.articulated = body = backend.add_articulated(
-            urdf(model, sinks=bool(soils)),
+            urdf(model, payload, sinks=bool(soils)),
             hulls,
             [suspension_joint(wheel) for wheel in model.wheels],
             spawn_pose(vehicle, ground),
         )
         self.body, self._alone = body.number, BodyList([body])
         self._count = count = len(model.wheels)
-        preloads = _preloads(model)
-        whole_kg = model.chassis.mass_kg + sum(wheel.mass_kg for wheel in model.wheels)
+        # Springs carry the model alone at rest, and a payload presses them further.
+        preloads, loads = spring_loads(model), spring_loads(model, payload)
+        model_kg = model.chassis.mass_kg + sum(wheel.mass_kg for wheel in model.wheels)
+        whole_kg = model_kg + sum(load.mass_kg for load in payload)
         # A wheel held in the air counts with an equal share of the whole mass.
         borne_kg = [
-            preload / GRAVITY_MPS2 + wheel.mass_kg if preload > 0.0 else whole_kg / count
-            for preload, wheel in zip(preloads, model.wheels, strict=True)
+            load / GRAVITY_MPS2 + wheel.mass_kg if load > 0.0 else whole_kg / count
+            for load, wheel in zip(loads, model.wheels, strict=True)
         ]
         links = vibration.tread if (vibration := vehicle.model.vibration) else None
         pitch_m = links.pitch_m if links else None
@@ -159,12 +162,12 @@ class SimulatedVehicle(Structure):
         tread, engine = (v.tread, v.engine) if (v := model.vibration) else (None, None)
         self.ride = Ride(self.running_gear.wheels, rough, tread) if rough or tread else None
         self._engine_shake = (
-            EngineShake(engine, mass_kg=whole_kg, top_speed_mps=model.top_speed_mps)
+            EngineShake(engine, mass_kg=model_kg, top_speed_mps=model.top_speed_mps)
             if engine
             else None
         )
         self._kept_links = (LinkOfJoint * len(model.joints))()
-        drag = body_drag(model)
+        drag = body_drag(model, payload)
         super().__init__(
             *(pointer(body), pointer(self.running_gear), _VECTOR(*model.chassis.center_m)),
             *(drag.drag_nspm2, drag.linear_nspm, _VECTOR(*drag.angular_nmsprad)),
@@ -432,18 +435,20 @@ class SimulatedVehicle(Structure):
         )
 
 
-def _preloads(model: VehicleModel) -> list[float]:
-    """Return the force (N) with which each spring carries the chassis at rest.
+def spring_loads(model: VehicleModel, payload: Sequence[Payload] = ()) -> list[float]:
+    """Return the force (N) with which each spring carries chassis and payload at rest.
 
-    Forces and their moments balance the weight of the chassis and of wheels in the air. Of all such
-    loads, the one with the smallest sum of squares: that of springs of one stiffness. The springs
-    of wheels in the air hold these up, so their force is negative.
+    Forces and their moments balance the weight of both and of wheels in the air. Of all such loads,
+    the one with the smallest sum of squares: that of springs of one stiffness. The springs of
+    wheels in the air hold these up, so their force is negative.
     """
     standing = np.array([model.stands_on(wheel) for wheel in model.wheels])
     places = np.array([(1.0, *wheel.center_m[:2]) for wheel in model.wheels]).T
     hanging = np.where(standing, 0.0, [wheel.mass_kg for wheel in model.wheels])
     x, y, _ = model.chassis.center_m
-    weights = GRAVITY_MPS2 * (model.chassis.mass_kg * np.array([1.0, x, y]) + places @ hanging)
-    loads = np.linalg.lstsq(places * standing, weights)[0] - GRAVITY_MPS2 * hanging
-    preloads: list[float] = loads.tolist()
-    return preloads
+    weights = model.chassis.mass_kg * np.array([1.0, x, y]) + places @ hanging
+    for load in payload:
+        weights = weights + load.mass_kg * np.array([1.0, *load.at_m[:2]])
+    balance = np.linalg.lstsq(places * standing, GRAVITY_MPS2 * weights)[0]
+    loads: list[float] = (balance - GRAVITY_MPS2 * hanging).tolist()
+    return loads
