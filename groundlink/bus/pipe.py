@@ -99,6 +99,12 @@ class PipeBus(Bus):
 
         return publish
 
+    def hold(self) -> None:
+        """Do nothing; the pipe is buffered."""
+
+    def flush(self) -> None:
+        """Do nothing: readers of the pipe wait for all of it."""
+
     def serve_content(self, key: str, answer: Callable[[str, bytes], list[bytes]]) -> None:
         """Ignore the call; nobody asks."""
 

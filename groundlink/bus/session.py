@@ -11,6 +11,7 @@ import json
 import os
 import re
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -85,6 +86,8 @@ class Bus:
         self._local_sources: list[LocalSource] = []
         self._is_router = listen is not None
         self._connections = 0
+        # Messages until `flush`. A deque, since other threads publish, too.
+        self._held: deque[tuple[zenoh.Publisher, bytes]] | None = None
         for endpoint in filter(None, (connect, listen)):
             if not _ENDPOINT.match(endpoint):
                 raise BusError(
@@ -142,6 +145,7 @@ class Bus:
 
     def close(self) -> None:
         """Leave the bus."""
+        self.flush()
         for declared in reversed(self._declared):  # a reader before what it reads
             declared.undeclare()
         self._declared.clear()
@@ -193,10 +197,27 @@ class Bus:
 
         def publish(message: BusMessage) -> bytes:
             payload = encode(message)
-            publisher.put(payload)
+            if self._held is None:
+                publisher.put(payload)
+            else:
+                self._held.append((publisher, payload))
             return payload
 
         return publish
+
+    def hold(self) -> None:
+        """From now on keep messages until `flush`, but not those of local streams.
+
+        For processes that nobody waits for message by message. Each message wakes a thread here, in
+        the router and at the receiver; several at once wake each of them once.
+        """
+        self._held = deque()
+
+    def flush(self) -> None:
+        """Publish the messages that were kept, in order; for one thread."""
+        while self._held:
+            publisher, payload = self._held.popleft()
+            publisher.put(payload)
 
     @property
     def identity(self) -> str:

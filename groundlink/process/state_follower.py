@@ -86,6 +86,8 @@ def follow_states(
     episode = _catch_up(bus, run_name, followers)
     heartbeats = [Heartbeat(bus, run_name, f.name, f.claim) for f in followers]
     backoff = Backoff(time.monotonic())
+    if waited_for:
+        bus.hold()
     while not ended():
         if arrived := states.get():
             backoff.reset(time.monotonic())
@@ -106,6 +108,7 @@ def follow_states(
                 counts = follower.counters()
                 counts["refused"] += states.refused
                 heartbeat.beat(follower.consumer.tick, counts)
+        bus.flush()
 
 
 def _catch_up(

@@ -2,8 +2,9 @@
 """Forwarder: sends the streams of a run that does not wait for ROS.
 
 Messages are forwarded as they arrive. If many have piled up, because this process was disconnected
-or suspended, stale ones are dropped. Each clock message is acknowledged to physics. `lockstep` has
-the follower of runs that wait for ROS.
+or suspended, stale ones are dropped. Clock messages are acknowledged to physics; where it waits, no
+more of them than needed: the newest one when no message is left, and one each `ack_ticks`.
+`lockstep` has the follower of runs that wait for ROS.
 """
 
 from collections import deque
@@ -51,6 +52,8 @@ class Forwarder:
         # In real time new messages supersede waiting ones; otherwise physics waits.
         self._is_waited_for = scenario.time.mode != "realtime"
         self._clocks = Schedule.at(scenario.time.clock_rate_hz)
+        self._ack_ticks = scenario.time.ack_ticks if self._is_waited_for else 0
+        self._taken = self._acknowledged = Ack(-1, -1, -1)
         self._episode = 0
         self.tick = -1
         self._pile: deque[tuple[str, BusMessage]] = deque()
@@ -61,6 +64,8 @@ class Forwarder:
 
     def listen(self, inbox: BusInbox[BusMessage]) -> tuple[str, BusMessage] | None:
         """Return the next message of the bus, if one arrives in time."""
+        if not self._pile and not len(inbox):
+            self._acknowledge_taken()
         if not self._pile and len(inbox) > PILE_MESSAGES and not self._is_waited_for:
             self._newest = None
             while len(inbox) and (arrived := inbox.get(seconds=0)):
@@ -81,7 +86,18 @@ class Forwarder:
             if message.episode == self._episode:
                 self.counts["clocks_missed"] += self._clocks.between(self.tick, message.tick)
             self._episode, self.tick = message.episode, message.tick
-            self._acknowledge(Ack(message.episode, message.tick, message.tick))
+            self._taken, known = (
+                Ack(message.episode, message.tick, message.tick),
+                self._acknowledged,
+            )
+            if message.episode != known.episode or message.tick >= known.tick + self._ack_ticks:
+                self._acknowledge_taken()
+
+    def _acknowledge_taken(self) -> None:
+        """Acknowledge the newest clock message, unless that was done."""
+        if self._taken is not self._acknowledged:
+            self._acknowledged = self._taken
+            self._acknowledge(self._taken)
 
     def _is_stale(self, message: BusMessage) -> bool:
         """Return whether a message, which may be a clock, has waited too long in the pile."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import msgspec
 
-from groundlink.bus.core_topics import BATCH_TICKS, CLOCK, STATE
+from groundlink.bus.core_topics import BATCH_TICKS, CLOCK, STATE, STATE_BATCH
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import BODIES, GROUND_TRUTH, JOINTS, TRUE_MAP, TRUE_WHEELS, VITALS
 from groundlink.messages.base import BusMessage, EncodedState, State, StateBatch, encode
@@ -36,11 +36,22 @@ class BusPublishers(Publishers):
 
     def __init__(self, bus: Bus, run: str, scenario: Scenario) -> None:
         self._bus, self._run = bus, run
-        state, clock, bodies, true_map = (
-            bus.publisher(topic.key_in(run), topic.delivery, local=topic.local)
-            for topic in (STATE, CLOCK, BODIES, TRUE_MAP)
+        # Where physics waits, nothing may overtake what it has published before.
+        is_local = scenario.time.mode == "realtime"
+        state, clock, bodies, true_map, batch = (
+            bus.publisher(topic.key_in(run), topic.delivery, local=topic.local and is_local)
+            for topic in (STATE, CLOCK, BODIES, TRUE_MAP, STATE_BATCH)
         )
-        super().__init__(state, clock, bodies, true_map, {}, {}, {}, {})
+        if not is_local:
+            bus.hold()
+
+        def publish_batch(message: BusMessage) -> bytes:
+            payload = batch(message)
+            bus.flush()
+            return payload
+
+        self.states = StatePublisher(state, publish_batch, scenario.time)
+        super().__init__(self.states, clock, bodies, true_map, {}, {}, {}, {})
         self.declare(scenario)
 
     def declare(self, scenario: Scenario) -> None:

@@ -14,7 +14,7 @@ from typing import TypeVar
 import msgspec
 from msgspec.structs import replace
 
-from groundlink.bus.core_topics import GATEWAY, PHYSICS, STATE_BATCH
+from groundlink.bus.core_topics import GATEWAY, PHYSICS
 from groundlink.bus.queries import (
     control_key,
     history_key,
@@ -38,7 +38,7 @@ from .control import ANSWER_SECONDS, Control
 from .episode import Episode
 from .health import HealthMonitor
 from .peers import Peers
-from .publishers import BusPublishers, Publishers, StatePublisher, silent_publishers
+from .publishers import BusPublishers, Publishers, silent_publishers
 from .restore import JournalArchive, JournalPlayer, Restoration, check_data, check_processes
 from .source import RunSource
 from .stall_policy import START_SECONDS
@@ -76,7 +76,8 @@ class PhysicsServer:
         self, source: RunSource, run: str, bus: Bus, *, required: Sequence[str] = ()
     ) -> None:
         scenario, saved, self._followed = source
-        self._started, self._run, self._required = scenario, run, required
+        self._started, self._required = scenario, required
+        self._bus, self._run = bus, run
         self.as_loaded = scenario
         self.is_in_loaded_world = False
         self.world_source = WorldSource()
@@ -88,9 +89,6 @@ class PhysicsServer:
         self._health = HealthMonitor(bus, run, scenario.time)
         self._accept_commands(scenario)
         self._publishers = BusPublishers(bus, run, scenario)
-        batches = bus.publisher(STATE_BATCH.key_in(run), STATE_BATCH.delivery, local=True)
-        self._states = StatePublisher(self._publishers.state, batches, scenario.time)
-        self._publishers.state = self._states
         self._world_changes = 0
         self._archive = JournalArchive()
         self.episode = self._new_episode(scenario, self._publishers)
@@ -148,6 +146,7 @@ class PhysicsServer:
 
     def wait(self, seconds: float) -> None:
         """Wait for an acknowledgement, or this long."""
+        self._bus.flush()
         self._peers.wait(seconds)
 
     def receive(self) -> None:
@@ -188,7 +187,7 @@ class PhysicsServer:
         if not self._has_begun:
             return 0.001
         if self.control.paused:
-            self._states.flush()
+            self._publishers.states.flush()
             self.episode.pacer.restart()
             return PAUSED_SECONDS
         return self.episode.pacer.wait_seconds(self.episode.tick + 1, now_seconds)

@@ -55,6 +55,38 @@ def test_messages_reach_every_subscriber_in_order(endpoint: str) -> None:
         assert [tick for tick in ticks if tick >= 0] == list(range(500))
 
 
+def test_held_messages_wait_for_a_flush_and_keep_their_order(endpoint: str) -> None:
+    with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
+        inbox: BusInbox[Clock] = BusInbox(depth=1000)
+        receiver.subscribe(KEY, Clock, inbox)
+        publish = sender.publisher(KEY, Delivery.ALL)
+        publish_until_heard(publish, Clock(0, 0, -1, 0), inbox)
+        sender.hold()
+        for tick in range(50):
+            publish(Clock(tick, 0, tick, 0))
+        while before := inbox.get(seconds=0.2):
+            assert before[1].tick == -1
+        sender.flush()
+        ticks = [message[1].tick for _ in range(50) if (message := inbox.get(seconds=10))]
+        assert ticks == list(range(50))
+
+
+def test_a_session_that_ends_publishes_what_it_held(endpoint: str) -> None:
+    with Bus(connect=endpoint) as receiver:
+        inbox: BusInbox[Clock] = BusInbox(depth=1000)
+        receiver.subscribe(KEY, Clock, inbox)
+        with Bus(connect=endpoint) as sender:
+            publish = sender.publisher(KEY, Delivery.ALL)
+            publish_until_heard(publish, Clock(0, 0, -1, 0), inbox)
+            sender.hold()
+            publish(Clock(7, 0, 7, 0))
+        ticks: list[int] = []
+        while 7 not in ticks:
+            message = inbox.get(seconds=10)
+            assert message is not None
+            ticks.append(message[1].tick)
+
+
 def filled_channel(sender: Bus, receiver: Bus, *, depth: int, last: int) -> BusChannel[Clock]:
     """Return a channel to which ticks up to the last have been sent."""
     channel = receiver.channel(KEY, Clock, depth=depth)

@@ -94,6 +94,10 @@ class Physics:
 
     def announce(self, key: str) -> None: ...
 
+    def hold(self) -> None: ...
+
+    def flush(self) -> None: ...
+
     def reconnects(self) -> int:
         return 0
 

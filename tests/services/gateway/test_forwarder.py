@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from groundlink.bus.inbox import BusInbox
 from groundlink.loader import load
@@ -29,6 +30,22 @@ def test_progress_is_acknowledged_and_lost_clocks_are_counted() -> None:
         forwarder.handle("clock", Clock(0, 0, tick, episode))
     assert [(ack.episode, ack.tick) for ack in acks][-1] == (6, 4)
     assert forwarder.counts == {"clocks_missed": 1}
+
+
+def test_physics_that_waits_gets_one_acknowledgement_of_clocks_that_came_together() -> None:
+    acks: list[Ack] = []
+    gateway: Any = SimpleNamespace(streams={})
+    link: Any = SimpleNamespace(flush=lambda seconds: True)
+    lab = load(SHIPPED / "indoor_lab.yaml")
+    scenario = replace(lab, time=replace(lab.time, mode="fast"))
+    forwarder = Forwarder(scenario, gateway, link, acknowledge=acks.append)
+    inbox = BusInbox[BusMessage](depth=64)
+    for tick in range(0, 120, 4):
+        inbox.put("clock", encode(Clock(0, 0, tick, 5)), Clock)
+    while arrived := forwarder.listen(inbox):
+        forwarder.handle(*arrived)
+    # The first of the episode, one each 50 ticks, and the last.
+    assert [ack.tick for ack in acks] == [0, 52, 104, 116]
 
 
 @pytest.mark.parametrize(

@@ -53,6 +53,10 @@ class SlowBus:
 
     subscribe = watch = serve = serve_content = _declare
 
+    def hold(self) -> None: ...
+
+    def flush(self) -> None: ...
+
 
 def test_ticks_are_due_by_the_epoch_whatever_comes_before_the_first_step(
     monkeypatch: pytest.MonkeyPatch,
