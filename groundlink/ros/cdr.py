@@ -65,6 +65,8 @@ def to_cdr(message: BusMessage) -> memoryview:
         return message.cdr
     codec = CODECS[type(message)]
     try:
+        if codec.pack is not None:
+            return memoryview(codec.pack(message))
         return STORE.serialize_cdr(TYPES[codec.ros_type](**codec.encode(message)), codec.ros_type)
     except (struct.error, SerdeError, OverflowError) as error:
         raise BadBusMessage(

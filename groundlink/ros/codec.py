@@ -52,6 +52,9 @@ class Codec(Generic[M]):
     recorded_only: bool = False
     """Whether the message is in recordings only and never sent to ROS."""
 
+    pack: Callable[[M], bytes] | None = None
+    """Return the CDR of `encode`'s message, in a third of the time; for the most frequent ones."""
+
     definition: str = ""
     """Definition of the ROS type (`.msg`), if no ROS 2 distribution has it."""
 

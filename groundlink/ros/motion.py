@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Codecs of the clock, velocity commands, IMU samples and wheel counters."""
 
+import struct
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from groundlink.core.clock import TICK_NANOS
+from groundlink.core.clock import NANOS, TICK_NANOS
 from groundlink.messages.base import Clock, Command, Imu, WheelEncoders
 
 from .codec import Codec, Moment, check_finite, stamp_and_frame
@@ -75,6 +76,31 @@ def _imu(message: Imu) -> dict[str, Any]:
     }
 
 
+@lru_cache(maxsize=4096)
+def _imu_layout(frame: str) -> tuple[struct.Struct, int, bytes]:
+    """Return the layout of an Imu as CDR, and length and text of its frame with the final zero."""
+    text = frame.encode() + b"\0"
+    # Behind the encapsulation header, stamp and length take 12 bytes; float64 is aligned to 8.
+    padded = len(text) + (-12 - len(text)) % 8
+    return struct.Struct(f"<4siII{padded}s37d"), len(text), text
+
+
+def _imu_cdr(message: Imu) -> bytes:
+    """Return the CDR of `_imu`, little-endian."""
+    layout, length, text = _imu_layout(message.frame)
+    turn, rate, force = (
+        message.orientation_variance,
+        message.angular_velocity_variance,
+        message.linear_acceleration_variance,
+    )
+    return layout.pack(
+        *(b"\0\1\0\0", *divmod(message.stamp_nanos, NANOS), length, text),
+        *(*message.orientation, turn, 0.0, 0.0, 0.0, turn, 0.0, 0.0, 0.0, turn),
+        *(*message.angular_velocity_radps, rate, 0.0, 0.0, 0.0, rate, 0.0, 0.0, 0.0, rate),
+        *(*message.linear_acceleration_mps2, force, 0.0, 0.0, 0.0, force, 0.0, 0.0, 0.0, force),
+    )
+
+
 def _imu_of(ros: Any, moment: Moment) -> Imu:
     return Imu(
         *stamp_and_frame(ros),
@@ -102,7 +128,7 @@ def _wheel_encoders_of(ros: Any, moment: Moment) -> WheelEncoders:
 CODECS = (
     Codec(Clock, "rosgraph_msgs/msg/Clock", _clock, _clock_of),
     Codec(Command, "geometry_msgs/msg/Twist", _twist, _command_of, read_twist),
-    Codec(Imu, "sensor_msgs/msg/Imu", _imu, _imu_of),
+    Codec(Imu, "sensor_msgs/msg/Imu", _imu, _imu_of, pack=_imu_cdr),
     Codec(
         WheelEncoders,
         "groundlink_msgs/msg/WheelEncoders",

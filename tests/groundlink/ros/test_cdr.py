@@ -14,11 +14,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from groundlink.messages.base import BadBusMessage, BusMessage, Clock, Command, Relayed, packed
+from groundlink.messages.base import (
+    BadBusMessage,
+    BusMessage,
+    Clock,
+    Command,
+    Imu,
+    Relayed,
+    packed,
+)
 from groundlink.messages.imagery import Range
 from groundlink.messages.navigation import JointState, OccupancyGrid, Odometry, PoseStamped
 from groundlink.ros.cdr import READERS, ROS_CODECS, reader, to_cdr
-from groundlink.ros.types import STORE
+from groundlink.ros.types import STORE, TYPES
 from groundlink.scenario.ros_side import RosType
 from tests.udp_bridge.vectors import FOLDER, load
 from tests.vectors.examples import EXAMPLES, SUBSCRIBE, fields
@@ -44,6 +52,24 @@ def body(name: str) -> bytes:
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_bytes_are_those_of_the_vector(name: str) -> None:
     assert bytes(to_cdr(EXAMPLES[name].message)) == body(name)
+
+
+@given(
+    frame=st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=20),
+    stamp=st.integers(0, 2**31 * 10**9 - 1),
+    numbers=st.lists(st.floats(allow_nan=False), min_size=13, max_size=13),
+)
+def test_what_a_codec_packs_is_what_the_type_store_writes(
+    frame: str, stamp: int, numbers: list[float]
+) -> None:
+    message = Imu(
+        *(stamp, frame, tuple(numbers[:4]), tuple(numbers[4:7]), tuple(numbers[7:10])),
+        *numbers[10:],
+    )
+    codec = ROS_CODECS[Imu]
+    written = STORE.serialize_cdr(TYPES[codec.ros_type](**codec.encode(message)), codec.ros_type)
+    assert codec.pack is not None
+    assert codec.pack(message) == bytes(written)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
