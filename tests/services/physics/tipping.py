@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 
 from groundlink.scenario.vehicle import VehicleModel
 from services.physics.dynamics.backend import GRAVITY_MPS2
-from services.physics.vehicle.vehicle import _preloads
+from services.physics.vehicle.vehicle import spring_loads
 
 STOP_NPM = 1e7
 """Stiffness of the end of a spring's travel."""
@@ -44,7 +44,7 @@ def tipping_deg(model: VehicleModel) -> float:
     springs = [wheel.suspension or model.suspension for wheel in wheels]
     travel = np.array([spring.travel_m for spring in springs])
     stiffness = np.array([spring.stiffness_npm for spring in springs])
-    preload = np.array(_preloads(model))
+    preload = np.array(spring_loads(model))
     wheel_kg = np.array([wheel.mass_kg for wheel in wheels])
     chassis_kg, (_, center_y, center_z) = model.chassis.mass_kg, model.chassis.center_m
     lower = int(np.argmin(y))
