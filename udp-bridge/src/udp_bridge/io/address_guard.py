@@ -13,7 +13,13 @@ import threading
 import time
 from typing import List, Optional, Sequence, Tuple
 
-from udp_bridge.receiver.receive_slots import NO_SLOTS, CreditState, PartBatch, ReceiveSlots
+from udp_bridge.receiver.receive_slots import (
+    NO_SLOTS,
+    CreditState,
+    PartBatch,
+    ReceiveSlots,
+)
+from udp_bridge.receiver.small_topics import WholeMessage
 from udp_bridge.sender.send_queue import OutgoingBatch
 from udp_bridge.wire import control
 from udp_bridge.wire.address_validation import (
@@ -29,7 +35,7 @@ from udp_bridge.wire.message import Address
 from udp_bridge.wire.types import CONTROL, SUBSCRIBE
 
 from .socket_wrappers import PeerFilter, SealedSocket, SocketWrapper
-from .udp_socket import RECOMMENDED_BUFFER, DatagramSocket, UdpSocket, resolve
+from .udp_socket import RECOMMENDED_BUFFER, DatagramSocket, Received, UdpSocket, resolve
 
 _WAIT_S = 0.1
 _KEY_SIZE = 32
@@ -128,29 +134,36 @@ class AddressGuard(SocketWrapper):
             self._examine(memoryview(buffer)[: received[0]], received[1])
         return received
 
-    def receive_batch(self, slots: ReceiveSlots, credits: CreditState) -> Optional[PartBatch]:
+    def receive_batch(self, slots: ReceiveSlots, credits: CreditState) -> Received:
         """See `UdpSocket.receive_batch`; unvalidated senders get few answers."""
         is_limited = bool(slots.arrived) and not self.is_known(slots.sender)
         if is_limited and self._validator.unsent(slots.sender) < _ANSWER_BYTES:
             slots, credits = NO_SLOTS, CreditState(0, self.receive_buffer, 0)
         batch = self._receive_inner(slots, credits)
+        if isinstance(batch, WholeMessage):
+            if is_limited:
+                self._count_parts(slots, batch.header, batch.message.parts, is_answered=True)
+            return batch
         if not isinstance(batch, PartBatch):  # no small topics are used here
             return None
         if batch.part_ranges and is_limited:
-            with self._lock:
-                size = (
-                    batch.parts_count * len(batch.header)
-                    + (batch.parts_count - 1) * slots.part_size
-                )
-                self._validator.received(slots.sender, size)
-                if batch.credits_sent or batch.nack_bitmap:
-                    self._validator.spend(slots.sender, _ANSWER_BYTES)
+            is_answered = bool(batch.credits_sent or batch.nack_bitmap)
+            self._count_parts(slots, batch.header, batch.parts_count, is_answered=is_answered)
         if batch.unmatched is not None and batch.unmatched_sender is not None:
             try:
                 self._examine(memoryview(batch.unmatched), batch.unmatched_sender)
             except Refused as refused:
                 return batch._replace(unmatched=None, unmatched_sender=None, refused=refused.reason)
         return batch
+
+    def _count_parts(
+        self, slots: ReceiveSlots, header: bytes, count: int, *, is_answered: bool
+    ) -> None:
+        with self._lock:
+            size = count * len(header) + (count - 1) * slots.part_size
+            self._validator.received(slots.sender, size)
+            if is_answered:
+                self._validator.spend(slots.sender, _ANSWER_BYTES)
 
     def send(self, buffers: Sequence[Buffer], to: Address) -> bool:
         """Send one datagram; return False if the address may not get so many bytes."""

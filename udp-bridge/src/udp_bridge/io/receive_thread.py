@@ -12,7 +12,7 @@ from typing import Any, Callable, Optional
 
 from udp_bridge.receiver.delivery_reports import Answer
 from udp_bridge.receiver.inbox import Inbox
-from udp_bridge.receiver.small_topics import SmallMessage
+from udp_bridge.receiver.small_topics import SmallMessage, WholeMessage
 from udp_bridge.wire.header import NANOS, Refused
 from udp_bridge.wire.message import Address, Message
 from udp_bridge.wire.types import MSG_TYPES
@@ -108,6 +108,12 @@ class ReceiveLoop:
             self._deliver(*batch)
             return
         now_nanos = time.monotonic_ns()
+        if type(batch) is WholeMessage:
+            self._inbox.small_topics.delivered.append(batch.delivered)
+            self._inbox.count_delivered()
+            self._deliver(batch.message, slots.sender)
+            self._inbox.record_whole(slots, batch, now_nanos)
+            return
         if batch is None:
             self._inbox.reassembler.expire(now_nanos)
         elif not self._is_ended:  # a socket that was shut returns empty datagrams

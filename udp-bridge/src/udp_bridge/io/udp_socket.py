@@ -16,7 +16,12 @@ from functools import partial
 from typing import Any, Callable, List, Optional, Protocol, Sequence, Tuple, Union
 
 from udp_bridge.receiver.receive_slots import CreditState, PartBatch, ReceiveSlots
-from udp_bridge.receiver.small_topics import DeliveredMessage, SmallMessage, SmallTopics
+from udp_bridge.receiver.small_topics import (
+    DeliveredMessage,
+    SmallMessage,
+    SmallTopics,
+    WholeMessage,
+)
 from udp_bridge.sender.send_queue import OutgoingBatch, SendSmall
 from udp_bridge.wire.fragments import datagram_of, flat
 from udp_bridge.wire.header import PART_NUMBER_OFFSET, Buffer, is_stamp, restamped
@@ -38,9 +43,12 @@ _REST_BYTES = 1 << 16
 
 RetryPolicy = Callable[[int], bool]
 """Called with the errno of a datagram that was not sent; returns whether to try again."""
-Received = Union[PartBatch, SmallMessage, None]
+Received = Union[PartBatch, SmallMessage, WholeMessage, None]
 ReceiveResult = Tuple[Received, int]
 """The received datagrams, and the errno that ended the batch or 0."""
+
+
+_TYPES = {len(made._fields): made for made in (PartBatch, SmallMessage, WholeMessage)}
 
 
 class DatagramSocket(Protocol):
@@ -103,12 +111,10 @@ class NativeBatches:
         self._is_flowing = found is not None
         if found is None:
             return None, -1
-        if len(found) == 2:
-            return tuple.__new__(SmallMessage, found), 0
-        batch, error, drops = found
+        fields, error, drops = found
         if drops >= 0:
             self.drops = drops
-        return tuple.__new__(PartBatch, batch), error  # faster than `PartBatch._make`
+        return tuple.__new__(_TYPES[len(fields)], fields), error  # faster than `_make`
 
     def small_sender(self, source: socket.socket) -> SendSmall:
         """Return a function that sends messages of one part."""

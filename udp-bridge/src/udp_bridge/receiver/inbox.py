@@ -14,7 +14,7 @@ from udp_bridge.wire.control import Credit, CreditRequest, LinkReport, TopicRepo
 from udp_bridge.wire.header import NANOS, Header, Refused, header_size, parse
 from udp_bridge.wire.message import Address, DatagramKey, Message
 from udp_bridge.wire.repair import Request, parse_resend
-from udp_bridge.wire.types import CONTROL, REPAIR, RESEND, ROS_TYPES
+from udp_bridge.wire.types import CONTROL, REPAIR, RESEND, ROS_TYPES, STAMP_ORDERED
 
 from .delivery import message_of
 from .delivery_reports import Answer, DeliveryReports, SentReport
@@ -22,8 +22,13 @@ from .limits import Limits, TopicState
 from .ordering import key_of
 from .peers import Peer, PeerTable
 from .reassembly import Reassembler
-from .receive_slots import CreditState, PartBatch, ReceiveSlots, SlotPredictor
-from .small_topics import DeliveredMessage, SmallTopics, Source
+from .receive_slots import (
+    CreditState,
+    PartBatch,
+    ReceiveSlots,
+    SlotPredictor,
+)
+from .small_topics import SmallTopics, UpcomingMessage, WholeMessage
 
 CREDIT_SHARE = 8
 """A Credit is due at the latest when one part in this many of the receive buffer has arrived."""
@@ -141,15 +146,23 @@ class Inbox:
 
     def predict_slots(self) -> Tuple[ReceiveSlots, CreditState]:
         """Return where to receive the next parts, and how to acknowledge them: for a batch."""
-        slots = self._predictor.predict()
-        self._whole_topic = None
-        if slots.arrived and not slots.is_open:
-            key, size = self._predictor.topic_key, slots.part_size * len(slots.arrived)
-            self._whole_topic = self.reassembler.whole_topic(slots.sender, key, size)
+        predictor = self._predictor
+        self._whole_topic = upcoming = None
+        source = predictor.next_source
+        if source is not None:
+            topic = self.reassembler.whole_topic(source, predictor.next_bytes)
+            key = topic.order.upcoming() if topic is not None else None
+            if key is not None:
+                (msg_type, name), self._whole_topic = source.key, topic
+                is_ordered = msg_type in STAMP_ORDERED
+                upcoming = UpcomingMessage(
+                    source, key[0], is_ordered, key[1], msg_type, name, source.link
+                )
+        slots = predictor.predict(upcoming)
         peer = self._peers.get(slots.sender) if slots.arrived else None
         if peer is None:
             return slots, CreditState(0, self.receive_buffer, 0)
-        number = peer.numbering.next(CONTROL, self._predictor.topic_key[1], 0)
+        number = peer.numbering.next(CONTROL, predictor.topic_key[1], 0)
         return slots, CreditState(
             peer.uncredited_bytes, self.receive_buffer, number, peer.last_goodput
         )
@@ -161,18 +174,13 @@ class Inbox:
 
         A message is yielded before the rest of what follows its delivery.
         """
-        whole = self._whole_message(slots, batch, now_nanos)
-        if whole is not None:
-            self.count_delivered()
-            yield whole, None, slots.sender
-            self._record_whole(whole, slots, batch, now_nanos)
-        elif batch.part_ranges or batch.mailbox_credits:
+        if batch.part_ranges or batch.mailbox_credits:
             self._record_delivered()
         if batch.mailbox_credits:
             self._count_mailbox_credits(batch, now_nanos)
         if batch.is_delegation_done:
             self._on_delegation_done()
-        if batch.part_ranges and whole is None:
+        if batch.part_ranges:
             yield from self._receive_parts(slots, batch, now_nanos)
         if batch.refused:
             self.refuse(batch.refused)
@@ -188,40 +196,16 @@ class Inbox:
         self.bytes_received += newest.size
         self.reassembler.counters.messages += 1
 
-    def _whole_message(
-        self, slots: ReceiveSlots, batch: PartBatch, now_nanos: int
-    ) -> Optional[Message]:
-        """Return the message of a batch that holds all its parts, if it is to be delivered."""
-        topic = self._whole_topic
-        if (
-            topic is None
-            or batch.uncredited_bytes
-            or batch.part_ranges != ((0, len(slots.arrived)),)
-        ):
-            return None
-        message, key = self._predictor.message_of(slots, batch)
-        if not topic.order.is_next(message.msg_type, key):
-            return None
-        source = Source(slots.sender, (message.msg_type, message.topic), message.link)
-        body_size, parts = len(message.body), message.parts
-        size = body_size + parts * len(batch.header)
-        self.small_topics.delivered.append(
-            DeliveredMessage(source, key, body_size, parts, size, now_nanos)
-        )
-        return message
-
-    def _record_whole(
-        self, message: Message, slots: ReceiveSlots, batch: PartBatch, now_nanos: int
-    ) -> None:
-        """Do what the next message needs; `_record_delivered` does the rest."""
-        topic, self._whole_topic = self._whole_topic, None
+    def record_whole(self, slots: ReceiveSlots, whole: WholeMessage, now_nanos: int) -> None:
+        """Do what the next message needs after a whole one; `_record_delivered` does the rest."""
+        topic, message = self._whole_topic, whole.message
         assert topic is not None
         topic.order.record_next(key_of(message), now_nanos)
         self.reassembler.pool.take_offered(slots.block, slots.part_size * len(slots.arrived))
-        self._predictor.on_complete(batch)
+        self._predictor.on_complete(whole.header)
         peer = self._peers.record(slots.sender, now_nanos)
         peer.uncredited_bytes = 0
-        self._count_credits(message.topic, peer, batch.credits_sent)
+        self._count_credits(message.topic, peer, whole.credits_sent)
 
     def _count_credits(self, topic: str, peer: Peer, count: int) -> None:
         """Count Credits that the socket sent itself."""
@@ -256,7 +240,7 @@ class Inbox:
             nacks = self.reassembler.nack_tracker(header, sender)
             self._predictor.on_incomplete(batch, assembly, nacks)
         else:
-            self._predictor.on_complete(batch)
+            self._predictor.on_complete(batch.header)
         peer = self._peers.record(sender, now_nanos)
         peer.goodput_bytes += size
         if slots.debounce_nanos:

@@ -49,6 +49,7 @@ class TopicOrder:
 
     __slots__ = (
         "_finished",
+        "_is_last",
         "_last_delivery_nanos",
         "_last_seq",
         "_last_stamp",
@@ -63,6 +64,7 @@ class TopicOrder:
         self._suspect: Optional[int] = None  # number of the last jump or stale message
         self._finished: Set[MessageKey] = set()
         self._recent: Deque[MessageKey] = deque()
+        self._is_last: Optional[bool] = None  # see `is_last`; None: to be found out
 
     def ahead_by(self, seq_number: int) -> int:
         """Return how far a number is ahead of the last delivered one; 1 if there is none."""
@@ -115,6 +117,7 @@ class TopicOrder:
     def mark_delivered(self, header: Header, now_nanos: int) -> int:
         """Remember the last delivered message; return how many numbers it skipped."""
         skipped = max(0, self.ahead_by(header.seq_number) - 1)
+        self._is_last = None
         self._last_seq = header.seq_number
         self._last_stamp = header.stamp_nanos
         self._last_delivery_nanos = now_nanos
@@ -157,17 +160,30 @@ class TopicOrder:
         self._suspect = None
         self._last_delivery_nanos = now_nanos
 
+    @property
+    def is_last(self) -> bool:
+        """Whether no message later than the last delivered one is finished."""
+        last = self._last_seq
+        if self._is_last is None and last is not None:
+            self._is_last = not any(ahead_by(number, last) > 0 for number, _ in self._finished)
+        return bool(self._is_last)
+
     def is_at_end(self, header: Header) -> bool:
         """Tell whether a message is the last delivered one, and no later one is finished."""
-        return header.seq_number == self._last_seq and not any(
-            ahead_by(number, header.seq_number) > 0 for number, _ in self._finished
-        )
+        return header.seq_number == self._last_seq and self.is_last
+
+    def upcoming(self) -> Optional[MessageKey]:
+        """Return the number of the next message and the last stamp, if `is_next` needs no more."""
+        if self._last_seq is None or not self.is_last:
+            return None
+        return (self._last_seq + 1) % SEQ_NUMBERS, self._last_stamp
 
     def mark_finished(self, header: Header) -> None:
         """Remember that this message needs no more parts."""
         key = key_of(header)
         if key not in self._finished:
             self._remember(key)
+            self._is_last = None
 
     def _remember(self, key: MessageKey) -> None:
         self._finished.add(key)
@@ -177,6 +193,6 @@ class TopicOrder:
 
     def reset(self) -> None:
         """Start over, as for an unknown sender."""
-        self._last_seq = self._suspect = None
+        self._last_seq = self._suspect = self._is_last = None
         self._finished.clear()
         self._recent.clear()

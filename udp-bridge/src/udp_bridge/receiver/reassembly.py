@@ -26,7 +26,7 @@ from .nack import Nack, NackTracker
 from .ordering import MessageKey, key_of
 from .pool import BlockPool
 from .receive_slots import PartBatch, ReceiveSlots
-from .small_topics import DeliveredMessage
+from .small_topics import DeliveredMessage, Source
 
 _NOT_DELIVERED = (control.CreditRequest, control.AddressChallenge, control.AddressResponse)
 
@@ -257,12 +257,12 @@ class Reassembler:
             return None
         return topic if topic.order.is_at_end(header) else None
 
-    def whole_topic(self, sender: Hashable, key: TopicKey, size: int) -> Optional[TopicState]:
+    def whole_topic(self, source: Source, size: int) -> Optional[TopicState]:
         """Return the topic of a predicted message that is delivered if it arrives whole and next.
 
         `size` is what it announces. The topic may be asked until the next datagram is taken.
         """
-        topic = self._senders.find(sender, key)
+        topic = self._senders.find(source.sender, source.key)
         if (
             topic is None
             or topic.nacks is not None

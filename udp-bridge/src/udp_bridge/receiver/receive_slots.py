@@ -19,12 +19,12 @@ from udp_bridge.wire.header import (
     TIME_OFFSET,
     Header,
 )
-from udp_bridge.wire.message import Address, Message, TopicKey
+from udp_bridge.wire.message import Address, TopicKey
 
 from .assembly import Assembly
 from .nack import NackTracker
-from .ordering import MessageKey
 from .pool import BlockPool
+from .small_topics import Source, UpcomingMessage
 
 _MESSAGE_FIELDS = Struct("<2xI2xii")
 """Header fields that differ between messages of a topic: seq_number, time_sec, time_nsec."""
@@ -50,6 +50,8 @@ class ReceiveSlots(NamedTuple):
     """Time from the detection of a gap to its request; 0 where parts can't be requested."""
     may_nack: bool = False
     """Whether the socket itself may send one request for the gaps of this message."""
+    upcoming: Optional[UpcomingMessage] = None
+    """A socket may return the message as such if this one arrives whole; see `WholeMessage`."""
 
     def matches(self, header: bytes, size: int, sender: Address) -> bool:
         """Tell whether a datagram of `size` bytes with this header is a missing part.
@@ -136,6 +138,7 @@ class SlotPredictor:
         self._header: Optional[Header] = None  # of the part that arrived last
         self._packed_header = b""
         self._sender = NO_SLOTS.sender
+        self._source = Source(self._sender, (0, ""), "")
         self._part_size = self._parts_max = 0
         self._nacks: Optional[NackTracker] = None
         self._assembly: Optional[Assembly] = None  # of that message, while it is open
@@ -147,12 +150,19 @@ class SlotPredictor:
         header = self._header
         return (header.msg_type, header.topic) if header is not None else (0, "")
 
-    def predict(self) -> ReceiveSlots:
-        """Return the slots of the parts that are expected next."""
-        assembly = self._assembly
-        if assembly is not None and not assembly.is_complete and assembly.block is not None:
+    def predict(self, upcoming: Optional[UpcomingMessage] = None) -> ReceiveSlots:
+        """Return the slots of the parts that are expected next.
+
+        Parameters
+        ----------
+        upcoming
+            The next message, if it may be delivered when it arrives whole.
+        """
+        assembly = self._open_assembly()
+        if assembly is not None:
             number, arrived = assembly.next_missing(self._next_part), assembly.arrived
             block, is_open = assembly.block, True
+            assert block is not None
         elif self._parts_max:
             number, arrived, is_open = 0, bytearray(self._parts_max), False
             self._assembly = None
@@ -177,7 +187,23 @@ class SlotPredictor:
             due_nanos,
             debounce_nanos,
             may_nack,
+            upcoming,
         )
+
+    @property
+    def next_source(self) -> Optional[Source]:
+        """Source of the message that is predicted; None while one is open or none is known."""
+        return self._source if self._parts_max and self._open_assembly() is None else None
+
+    @property
+    def next_bytes(self) -> int:
+        """Most bytes of the body of the message that is predicted."""
+        return self._part_size * self._parts_max
+
+    def _open_assembly(self) -> Optional[Assembly]:
+        assembly = self._assembly
+        is_open = assembly is not None and not assembly.is_complete and assembly.block is not None
+        return assembly if is_open else None
 
     def follow(
         self,
@@ -192,12 +218,13 @@ class SlotPredictor:
             return
         self._advance(header.part_number + 1, assembly)
         self._header, self._packed_header, self._sender = header, packed_header, sender
+        self._source = Source(sender, (header.msg_type, header.topic), header.link)
         self._part_size, self._parts_max = assembly.part_size, header.parts_max
         self._nacks = nacks
 
-    def on_complete(self, batch: PartBatch) -> None:
-        """Update the prediction after a batch that completed its message."""
-        self._next_part, self._assembly, self._packed_header = 0, None, batch.header
+    def on_complete(self, packed_header: bytes) -> None:
+        """Update the prediction after a message became complete, of which this is a header."""
+        self._next_part, self._assembly, self._packed_header = 0, None, packed_header
 
     def on_incomplete(
         self, batch: PartBatch, assembly: Optional[Assembly], nacks: Optional[NackTracker]
@@ -225,19 +252,6 @@ class SlotPredictor:
             and assembly.header.parts_max == self._parts_max
             and assembly.header.link == self._header.link
         )
-
-    def message_of(self, slots: ReceiveSlots, batch: PartBatch) -> Tuple[Message, MessageKey]:
-        """Return the message of a batch that holds all its parts, and its key."""
-        last = self._header
-        assert last is not None
-        number, sec, nsec = _MESSAGE_FIELDS.unpack_from(batch.header)
-        size = (last.parts_max - 1) * slots.part_size + batch.last_part_size
-        body = memoryview(slots.block)[:size].toreadonly()
-        stamp_nanos = sec * NANOS + nsec
-        message = Message(
-            last.msg_type, last.topic, last.link, stamp_nanos, number, body, last.parts_max
-        )
-        return message, (number, stamp_nanos)
 
     def header_of(self, batch: PartBatch) -> Header:
         """Return the parsed header of the part of a batch that arrived first."""

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Small topics: single-part messages that are next in order are delivered before they are recorded.
+"""Messages that are next in order are delivered before they are recorded.
 
-The number, stamp and names of a datagram tell that the rules of `reassembly` will deliver it. So
-its user gets it at once. The rules are applied later, to many messages together, and before any
-other datagram of a message. A topic is followed while only such messages arrive.
+The number, stamp and names of a single-part message tell that the rules of `reassembly` will
+deliver it. So its user gets it at once. The rules are applied later, to many messages together, and
+before any other datagram of a message. A topic is followed while only such messages arrive. The
+same holds for a predicted message of several parts that arrives whole; see `receive_slots`.
 """
 
 from __future__ import annotations
@@ -58,10 +59,23 @@ class SmallTopic:
 
 
 class Source(NamedTuple):
-    """Sender, topic and link of a delivered message of several parts."""
+    """Sender, topic and link of messages of several parts."""
 
     sender: Address
     key: TopicKey
+    link: str
+
+
+class UpcomingMessage(NamedTuple):
+    """A message that is delivered if it arrives whole: the next one in order."""
+
+    source: Source
+    seq_number: int
+    is_stamp_ordered: bool
+    """Whether its stamp must not be older than the last one."""
+    last_stamp_nanos: int
+    msg_type: int
+    topic: str
     link: str
 
 
@@ -75,6 +89,16 @@ class DeliveredMessage(NamedTuple):
     size: int
     """Bytes of its datagrams."""
     now_nanos: int
+
+
+class WholeMessage(NamedTuple):
+    """The upcoming message, of which all parts arrived in order and nothing else did."""
+
+    message: Message
+    header: bytes
+    """Packed header of its first part."""
+    credits_sent: int
+    delivered: DeliveredMessage
 
 
 class SmallMessage(NamedTuple):

@@ -129,6 +129,7 @@ static PyMethodDef methods[] = {
     {"collect", collect, METH_VARARGS, "Return and remove the kept Credits."},
     {"delegate", delegate, METH_VARARGS, "Send the rest of a message as Credits arrive."},
     {"reclaim", reclaim, METH_VARARGS, "End that; return how many parts were sent."},
+    {"publish", (PyCFunction)(void (*)(void))publish, METH_FASTCALL, "Publish a body in ROS 2."},
     {NULL, NULL, 0, NULL},
 };
 

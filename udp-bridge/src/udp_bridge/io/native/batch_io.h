@@ -33,6 +33,7 @@ enum {
     DATAGRAMS_PER_CALL = 64, // of sendmmsg
     MAX_ARRIVAL_RANGES = 64, // of a received batch
     MAX_BATCH_NANOS = 20000000, // duration of a received batch after its first datagram
+    SPIN_NANOS = 50000, MAX_SPIN_NANOS = 150000, // waits for a part without sleeping: one, and all in vain
     MAILBOX_SIZE = 64, // Credits
     MAX_RANGES = 16, // in flight with a delegated send
     NANOS = 1000000000
@@ -85,6 +86,11 @@ struct mailbox {
     struct kept_credit {
         uint32_t seq_number, part_number, receive_buffer;
     } credits[MAILBOX_SIZE];
+    struct due_credit { // of the receiving thread alone, without the lock
+        struct sockaddr_in to;
+        unsigned char datagram[HEADER_ROOM + CREDIT_SIZE];
+        size_t size; // 0: none is due
+    } due;
     struct delegated_send send; // Python keeps its memory until it is reclaimed
     int is_sending; // the receiving thread sends it, without the lock
     pthread_cond_t sending_ended;
@@ -116,6 +122,7 @@ struct part_batch {
     long long nack_nanos; // when it was sent, and for which parts
     unsigned char nack_bitmap[BITMAP_SIZE];
     int nack_bitmap_size;
+    long long spin_nanos; // left for waits without sleeping, in vain
     long long drops; // reported by the kernel; -1 if it did not
     PyThreadState *thread; // while the interpreter lock is released
 };
@@ -138,6 +145,8 @@ void copy_datagram(const struct part_batch *batch, const unsigned char *head, Py
                    char *to);
 struct mailbox *mailbox_in(const Py_buffer *memory);
 int are_small_topics(const struct small_topics *small);
+PyObject *take_whole(const struct part_batch *batch, PyObject *block, PyObject *row,
+                     const struct small_topics *small);
 PyObject *take_small(PyObject *datagram, PyObject *sender, const struct small_topics *small);
 int keep_credit(struct part_batch *batch, const unsigned char *head, Py_ssize_t size);
 
@@ -150,5 +159,6 @@ PyObject *keep(PyObject *self, PyObject *args);
 PyObject *collect(PyObject *self, PyObject *args);
 PyObject *delegate(PyObject *self, PyObject *args);
 PyObject *reclaim(PyObject *self, PyObject *args);
+PyObject *publish(PyObject *self, PyObject *const *args, Py_ssize_t count);
 
 #endif

@@ -4,7 +4,7 @@
 // A Python thread that receives single datagrams needs the interpreter lock for each, and may wait
 // 5 ms for it while another thread computes. So predicted parts of a message are received here into
 // their slots, acknowledged, and their gaps requested once. Any other datagram ends the batch
-// and is returned whole, in order. No state is kept between two calls except the credit mailbox.
+// and is returned whole, in order. No state is kept between two calls except the mailbox.
 #include "batch_io.h"
 
 #include <arpa/inet.h>
@@ -40,17 +40,33 @@ static int send_answer(const struct part_batch *batch, const unsigned char *answ
                   sizeof batch->sender) == (ssize_t)size;
 }
 
-// Acknowledge a part as `inbox.py` would; return whether the Credit was sent.
-static int send_credit(struct part_batch *batch, const unsigned char *head)
+// Acknowledge a part as `inbox.py` would; return whether the Credit was sent, or will be: that of a
+// whole message waits for `send_due_credit`, because sending it would delay the message.
+static int send_credit(struct part_batch *batch, const unsigned char *head, int waits)
 {
-    unsigned char credit[HEADER_ROOM + CREDIT_SIZE] = {0};
+    struct due_credit *due = &((struct mailbox *)batch->mailbox.buf)->due;
+    memset(due->datagram, 0, sizeof due->datagram);
     unsigned char *body =
-        begin_answer(head, credit, CONTROL, batch->control_number + batch->credits);
+        begin_answer(head, due->datagram, CONTROL, batch->control_number + batch->credits);
     body[1] = head[0];
     body[2] = head[PART_NUMBER];
     memcpy(body + 4, head + SEQ_NUMBER, 4);
     put_u32(body + 8, batch->receive_buffer);
-    return send_answer(batch, credit, body + CREDIT_SIZE - credit);
+    size_t size = body + CREDIT_SIZE - due->datagram;
+    if (!waits) return send_answer(batch, due->datagram, size);
+    due->to = batch->sender;
+    due->size = size;
+    return 1;
+}
+
+// Send the Credit of the message that the last call completed. Its user has got it by now.
+static void send_due_credit(const struct part_batch *batch)
+{
+    struct due_credit *due = &((struct mailbox *)batch->mailbox.buf)->due;
+    if (due->size)
+        sendto(batch->fd, due->datagram, due->size, MSG_DONTWAIT, (struct sockaddr *)&due->to,
+               sizeof due->to);
+    due->size = 0;
 }
 
 // Request the missing parts before `end`, once, as `nack.py` would, which continues from there.
@@ -197,10 +213,27 @@ static int take_part(struct part_batch *batch, const unsigned char *head, Py_ssi
     batch->uncredited += size;
     int is_due = batch->uncredited > batch->receive_buffer / CREDIT_SHARE;
     if (batch->missing && number != last && !is_due) return 1;
-    if (!send_credit(batch, head)) return 0; // it is still due
+    if (!send_credit(batch, head, !batch->missing && !is_due)) return 0; // it is still due
     batch->uncredited = 0;
     batch->credits++;
     return 1;
+}
+
+// Receive a part without sleeping, if one comes soon. To sleep and to be woken takes both ends longer
+// than to send and to receive a part. Waits in vain are limited: the sender may be on another host,
+// or need this core.
+static Py_ssize_t receive_soon(struct part_batch *batch, unsigned char *head, int64_t most_nanos)
+{
+    int64_t began_nanos = now_nanos(), waited_nanos = 0;
+    if (most_nanos > batch->spin_nanos) most_nanos = batch->spin_nanos;
+    while (waited_nanos < most_nanos) {
+        Py_ssize_t size = receive_one(batch, head, MSG_DONTWAIT);
+        if (size >= 0 || batch->error != EAGAIN) return size;
+        waited_nanos = now_nanos() - began_nanos;
+    }
+    batch->spin_nanos -= waited_nanos;
+    batch->error = EAGAIN;
+    return -1;
 }
 
 // Receive one datagram; wait for it until a Request is due.
@@ -208,13 +241,17 @@ static Py_ssize_t receive_next(struct part_batch *batch, unsigned char *head)
 {
     for (;;) {
         int waits = !batch->ranges_count || !batch->nack_due_nanos;
-        int64_t left = waits ? 0 : batch->nack_due_nanos - now_nanos();
-        if (!waits && left <= 0) {
+        int64_t left = waits ? NANOS : batch->nack_due_nanos - now_nanos();
+        if (left <= 0) {
             if (!batch->may_nack) return -1;
             int end = (int)batch->arrived.len;
             while (!batch->has_arrived[end - 1]) end--;
             send_request(batch, end);
             continue;
+        }
+        if (batch->ranges_count) {
+            Py_ssize_t size = receive_soon(batch, head, left < SPIN_NANOS ? left : SPIN_NANOS);
+            if (size >= 0 || batch->error != EAGAIN) return size;
         }
         Py_ssize_t size = receive_one(batch, head, waits ? 0 : MSG_DONTWAIT);
         if (size >= 0 || waits || batch->error != EAGAIN) return size;
@@ -289,18 +326,19 @@ static int check_slots(struct part_batch *batch)
 }
 
 // receive(fd, rest, *ReceiveSlots, *CreditState, is_flowing, memory of a mailbox, *SmallTopics)
-// -> None, or (PartBatch, errno, drops), or (Message, sender) of a small topic
+// -> None, or (PartBatch or WholeMessage or SmallMessage, errno, drops)
 PyObject *receive(PyObject *self, PyObject *args)
 {
-    struct part_batch batch = {.drops = -1};
+    struct part_batch batch = {.drops = -1, .spin_nanos = MAX_SPIN_NANOS};
     struct small_topics small;
+    PyObject *upcoming;
     int port, is_flowing;
     const char *host;
     (void)self;
-    if (!PyArg_ParseTuple(args, "iw*w*y*(si)niy*pLLpKIIIpw*O!O!OO", &batch.fd, &batch.rest,
+    if (!PyArg_ParseTuple(args, "iw*w*y*(si)niy*pLLpOKIIIpw*O!O!OO", &batch.fd, &batch.rest,
                           &batch.block, &batch.predicted, &host, &port, &batch.part_size,
                           &batch.next, &batch.arrived, &batch.is_open, &batch.nack_due_nanos,
-                          &batch.debounce_nanos, &batch.may_nack, &batch.uncredited,
+                          &batch.debounce_nanos, &batch.may_nack, &upcoming, &batch.uncredited,
                           &batch.receive_buffer, &batch.control_number, &batch.goodput,
                           &is_flowing, &batch.mailbox, &PyDict_Type, &small.table,
                           &PyList_Type, &small.delivered, &small.message_type,
@@ -312,6 +350,7 @@ PyObject *receive(PyObject *self, PyObject *args)
         !to_address(host, port, &batch.sender))
         goto end;
     batch.last_size = batch.part_size;
+    send_due_credit(&batch);
     Py_ssize_t size = receive_parts(&batch, head, is_flowing);
     if (size < 0 && !batch.ranges_count && !batch.kept) {
         Py_INCREF(Py_None);
@@ -327,9 +366,14 @@ PyObject *receive(PyObject *self, PyObject *args)
         if (!unmatched || !sender) goto end;
         if (!batch.ranges_count && !batch.kept) {
             PyObject *message = take_small(unmatched, sender, &small);
-            if (message) found = Py_BuildValue("NO", message, sender);
+            if (message) found = Py_BuildValue("(NO)iL", message, sender, 0, batch.drops);
             if (message || PyErr_Occurred()) goto end;
         }
+    }
+    if (size < 0 && !batch.missing && upcoming != Py_None) {
+        PyObject *whole = take_whole(&batch, batch.block.obj, upcoming, &small);
+        if (whole) found = Py_BuildValue("NiL", whole, 0, batch.drops);
+        if (whole || PyErr_Occurred()) goto end;
     }
     ranges = ranges_of(&batch);
     if (!ranges) goto end;
