@@ -107,13 +107,12 @@ class ReceiveLoop:
             self._inbox.count_delivered()
             self._deliver(*batch)
             return
-        now_nanos = time.monotonic_ns()
         if type(batch) is WholeMessage:
-            self._inbox.small_topics.delivered.append(batch.delivered)
-            self._inbox.count_delivered()
+            self._inbox.take_whole(batch)
             self._deliver(batch.message, slots.sender)
-            self._inbox.record_whole(slots, batch, now_nanos)
+            self._inbox.follow_whole(slots, credits, batch)
             return
+        now_nanos = time.monotonic_ns()
         if batch is None:
             self._inbox.reassembler.expire(now_nanos)
         elif not self._is_ended:  # a socket that was shut returns empty datagrams

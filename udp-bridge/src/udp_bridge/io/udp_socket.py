@@ -13,7 +13,7 @@ import socket
 import struct
 import sys
 from functools import partial
-from typing import Any, Callable, List, Optional, Protocol, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, List, Optional, Protocol, Sequence, Tuple, Union
 
 from udp_bridge.receiver.receive_slots import CreditState, PartBatch, ReceiveSlots
 from udp_bridge.receiver.small_topics import (
@@ -48,7 +48,9 @@ ReceiveResult = Tuple[Received, int]
 """The received datagrams, and the errno that ended the batch or 0."""
 
 
-_TYPES = {len(made._fields): made for made in (PartBatch, SmallMessage, WholeMessage)}
+_TYPES: Dict[int, Any] = {
+    len(made._fields): made for made in (PartBatch, SmallMessage, WholeMessage)
+}
 
 
 class DatagramSocket(Protocol):

@@ -11,15 +11,14 @@ from typing import Callable, Iterator, List, Optional, Tuple, cast
 
 from udp_bridge.wire.address_validation import AddressChallenge, AddressResponse
 from udp_bridge.wire.control import Credit, CreditRequest, LinkReport, TopicReport
-from udp_bridge.wire.header import NANOS, Header, Refused, header_size, parse
+from udp_bridge.wire.header import NANOS, SEQ_NUMBERS, Header, Refused, header_size, parse
 from udp_bridge.wire.message import Address, DatagramKey, Message
 from udp_bridge.wire.repair import Request, parse_resend
-from udp_bridge.wire.types import CONTROL, REPAIR, RESEND, ROS_TYPES, STAMP_ORDERED
+from udp_bridge.wire.types import CONTROL, REPAIR, RESEND, ROS_TYPES
 
 from .delivery import message_of
 from .delivery_reports import Answer, DeliveryReports, SentReport
-from .limits import Limits, TopicState
-from .ordering import key_of
+from .limits import Limits
 from .peers import Peer, PeerTable
 from .reassembly import Reassembler
 from .receive_slots import (
@@ -28,7 +27,7 @@ from .receive_slots import (
     ReceiveSlots,
     SlotPredictor,
 )
-from .small_topics import SmallTopics, UpcomingMessage, WholeMessage
+from .small_topics import SmallTopics, WholeMessage, state_of
 
 CREDIT_SHARE = 8
 """A Credit is due at the latest when one part in this many of the receive buffer has arrived."""
@@ -86,7 +85,10 @@ class Inbox:
         self._peers = PeerTable(self.reassembler.limits.senders)
         self._predictor = SlotPredictor(self.reassembler.pool)
         self.small_topics = SmallTopics()
-        self._whole_topic: Optional[TopicState] = None  # of the predicted slots
+        # Slots, but for the block, and Credits of a topic whose messages arrive whole; until the
+        # delivered messages are recorded.
+        self._steady: Optional[Tuple[ReceiveSlots, CreditState]] = None
+        self._whole_credits = 0
 
     @property
     def last_reports(self) -> List[SentReport]:
@@ -146,19 +148,17 @@ class Inbox:
 
     def predict_slots(self) -> Tuple[ReceiveSlots, CreditState]:
         """Return where to receive the next parts, and how to acknowledge them: for a batch."""
-        predictor = self._predictor
-        self._whole_topic = upcoming = None
+        if self._steady is not None:
+            slots, credits = self._steady
+            block = self.reassembler.pool.offer(slots.part_size * len(slots.arrived))
+            return tuple.__new__(ReceiveSlots, (block, *slots[1:])), credits
+        predictor, row = self._predictor, None
         source = predictor.next_source
         if source is not None:
-            topic = self.reassembler.whole_topic(source, predictor.next_bytes)
-            key = topic.order.upcoming() if topic is not None else None
-            if key is not None:
-                (msg_type, name), self._whole_topic = source.key, topic
-                is_ordered = msg_type in STAMP_ORDERED
-                upcoming = UpcomingMessage(
-                    source, key[0], is_ordered, key[1], msg_type, name, source.link
-                )
-        slots = predictor.predict(upcoming)
+            last = self.reassembler.last_whole(source, predictor.next_bytes)
+            if last is not None:
+                row = source, state_of(source.key[0], last), *source.key, source.link
+        slots = predictor.predict(row)
         peer = self._peers.get(slots.sender) if slots.arrived else None
         if peer is None:
             return slots, CreditState(0, self.receive_buffer, 0)
@@ -196,16 +196,17 @@ class Inbox:
         self.bytes_received += newest.size
         self.reassembler.counters.messages += 1
 
-    def record_whole(self, slots: ReceiveSlots, whole: WholeMessage, now_nanos: int) -> None:
-        """Do what the next message needs after a whole one; `_record_delivered` does the rest."""
-        topic, message = self._whole_topic, whole.message
-        assert topic is not None
-        topic.order.record_next(key_of(message), now_nanos)
+    def take_whole(self, whole: WholeMessage) -> None:
+        """Count a message that is delivered before it is recorded."""
+        self.small_topics.delivered.append(whole.delivered)
+        self.count_delivered()
+
+    def follow_whole(self, slots: ReceiveSlots, credits: CreditState, whole: WholeMessage) -> None:
+        """Predict that the next message is like this one; `_record_delivered` does the rest."""
         self.reassembler.pool.take_offered(slots.block, slots.part_size * len(slots.arrived))
-        self._predictor.on_complete(whole.header)
-        peer = self._peers.record(slots.sender, now_nanos)
-        peer.uncredited_bytes = 0
-        self._count_credits(message.topic, peer, whole.credits_sent)
+        self._whole_credits += whole.credits_sent
+        number = (credits.seq_number + whole.credits_sent) % SEQ_NUMBERS
+        self._steady = slots, CreditState(0, credits.receive_buffer, number, credits.goodput)
 
     def _count_credits(self, topic: str, peer: Peer, count: int) -> None:
         """Count Credits that the socket sent itself."""
@@ -306,7 +307,7 @@ class Inbox:
             self.update_logs()
 
     def _record_delivered(self) -> None:
-        """Do for small messages that were delivered at once what follows a delivery."""
+        """Do for messages that were delivered at once what follows a delivery."""
         delivered = self.small_topics.delivered
         if not delivered:
             return
@@ -317,10 +318,22 @@ class Inbox:
             self.reassembler.record(one)
         self.reassembler.expire(delivered[-1].now_nanos)
         delivered.clear()
+        self._end_steady()
+
+    def _end_steady(self) -> None:
+        """Predict by what was recorded."""
+        if self._steady is not None:
+            slots, _ = self._steady
+            peer = self._peers.get(slots.sender)
+            if peer is not None:
+                peer.uncredited_bytes = 0
+                self._count_credits(self._predictor.topic_key[1], peer, self._whole_credits)
+        self._steady, self._whole_credits = None, 0
 
     def reset_prediction(self) -> None:
         """Predict nothing until the next part arrives."""
         self._predictor = SlotPredictor(self.reassembler.pool)
+        self._steady, self._whole_credits = None, 0
 
     def refuse(self, reason: str) -> None:
         """Count a datagram that was refused before it came here."""

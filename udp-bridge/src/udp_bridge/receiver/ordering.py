@@ -172,11 +172,11 @@ class TopicOrder:
         """Tell whether a message is the last delivered one, and no later one is finished."""
         return header.seq_number == self._last_seq and self.is_last
 
-    def upcoming(self) -> Optional[MessageKey]:
-        """Return the number of the next message and the last stamp, if `is_next` needs no more."""
-        if self._last_seq is None or not self.is_last:
-            return None
-        return (self._last_seq + 1) % SEQ_NUMBERS, self._last_stamp
+    @property
+    def last(self) -> Optional[MessageKey]:
+        """The last delivered message, if `is_next` holds for any next one in order."""
+        number = self._last_seq
+        return (number, self._last_stamp) if number is not None and self.is_last else None
 
     def mark_finished(self, header: Header) -> None:
         """Remember that this message needs no more parts."""

@@ -257,10 +257,10 @@ class Reassembler:
             return None
         return topic if topic.order.is_at_end(header) else None
 
-    def whole_topic(self, source: Source, size: int) -> Optional[TopicState]:
-        """Return the topic of a predicted message that is delivered if it arrives whole and next.
+    def last_whole(self, source: Source, size: int) -> Optional[MessageKey]:
+        """Return the last message of a topic if the next one is delivered when it arrives whole.
 
-        `size` is what it announces. The topic may be asked until the next datagram is taken.
+        `size` is what it announces. It holds until the next datagram is taken.
         """
         topic = self._senders.find(source.sender, source.key)
         if (
@@ -271,17 +271,13 @@ class Reassembler:
             or not self._senders.fits_alone(size)
         ):
             return None
-        return topic
+        return topic.order.last
 
     def record(self, message: DeliveredMessage) -> None:
-        """Apply the rules to a message that its user has got already.
-
-        The order of a message of several parts was recorded before.
-        """
+        """Apply the rules to a message that its user has got already."""
         source = message.source
         topic = self._senders.topic(source.sender, source.key)
-        if message.parts == 1:
-            topic.order.record_next(message.key, message.now_nanos)
+        topic.order.record_next(message.key, message.now_nanos)
         topic.link = source.link
         topic.log.mark_delivered(message.key, message.body_size)
 

@@ -24,7 +24,7 @@ from udp_bridge.wire.message import Address, TopicKey
 from .assembly import Assembly
 from .nack import NackTracker
 from .pool import BlockPool
-from .small_topics import Source, UpcomingMessage
+from .small_topics import Source, TopicRow
 
 _MESSAGE_FIELDS = Struct("<2xI2xii")
 """Header fields that differ between messages of a topic: seq_number, time_sec, time_nsec."""
@@ -50,8 +50,8 @@ class ReceiveSlots(NamedTuple):
     """Time from the detection of a gap to its request; 0 where parts can't be requested."""
     may_nack: bool = False
     """Whether the socket itself may send one request for the gaps of this message."""
-    upcoming: Optional[UpcomingMessage] = None
-    """A socket may return the message as such if this one arrives whole; see `WholeMessage`."""
+    row: Optional[TopicRow] = None
+    """The topic of the message, if a socket may return the next one as such; see `WholeMessage`."""
 
     def matches(self, header: bytes, size: int, sender: Address) -> bool:
         """Tell whether a datagram of `size` bytes with this header is a missing part.
@@ -150,13 +150,13 @@ class SlotPredictor:
         header = self._header
         return (header.msg_type, header.topic) if header is not None else (0, "")
 
-    def predict(self, upcoming: Optional[UpcomingMessage] = None) -> ReceiveSlots:
+    def predict(self, row: Optional[TopicRow] = None) -> ReceiveSlots:
         """Return the slots of the parts that are expected next.
 
         Parameters
         ----------
-        upcoming
-            The next message, if it may be delivered when it arrives whole.
+        row
+            The topic, if its next message may be delivered when it arrives whole.
         """
         assembly = self._open_assembly()
         if assembly is not None:
@@ -187,7 +187,7 @@ class SlotPredictor:
             due_nanos,
             debounce_nanos,
             may_nack,
-            upcoming,
+            row,
         )
 
     @property

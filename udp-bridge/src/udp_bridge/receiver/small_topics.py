@@ -23,7 +23,7 @@ from udp_bridge.wire.header import (
 from udp_bridge.wire.message import Address, Message, TopicKey
 from udp_bridge.wire.types import STAMP_ORDERED
 
-from .ordering import MessageKey
+from .ordering import MessageKey, key_of
 
 SMALL_TOPICS = 1024
 """Most topics, with their links, that are followed."""
@@ -35,8 +35,16 @@ _STATE = Struct("<I?3xq")
 """Number of the next message, whether the topic is ordered by stamp, stamp of the last message."""
 _WireKey = Tuple[Address, bytes, bytes]
 """Sender, first bytes and names of a header: what all datagrams of a topic and link share."""
-_Row = Tuple["SmallTopic", bytearray, int, str, str]
-"""A topic with its `_STATE`, msg_type, name and link."""
+TopicRow = Tuple[Union["SmallTopic", "Source"], bytearray, int, str, str]
+"""A topic with its `_STATE`, msg_type, name and link. Each message of it changes the state."""
+
+
+def state_of(msg_type: int, key: MessageKey) -> bytearray:
+    """Return the state of a topic after a message with this key."""
+    number, stamp_nanos = key
+    return bytearray(
+        _STATE.pack((number + 1) % SEQ_NUMBERS, msg_type in STAMP_ORDERED, stamp_nanos)
+    )
 
 
 class SmallTopic:
@@ -45,7 +53,7 @@ class SmallTopic:
     __slots__ = ("_table", "_wire_key", "key", "link", "sender")
 
     def __init__(
-        self, table: Dict[_WireKey, _Row], wire_key: _WireKey, key: TopicKey, link: str
+        self, table: Dict[_WireKey, TopicRow], wire_key: _WireKey, key: TopicKey, link: str
     ) -> None:
         self._table = table
         self._wire_key = wire_key
@@ -63,19 +71,6 @@ class Source(NamedTuple):
 
     sender: Address
     key: TopicKey
-    link: str
-
-
-class UpcomingMessage(NamedTuple):
-    """A message that is delivered if it arrives whole: the next one in order."""
-
-    source: Source
-    seq_number: int
-    is_stamp_ordered: bool
-    """Whether its stamp must not be older than the last one."""
-    last_stamp_nanos: int
-    msg_type: int
-    topic: str
     link: str
 
 
@@ -116,7 +111,7 @@ class SmallTopics:
 
     def __init__(self) -> None:
         self.delivered: List[DeliveredMessage] = []
-        self.table: Dict[_WireKey, _Row] = {}
+        self.table: Dict[_WireKey, TopicRow] = {}
 
     def follow(self, header: Header, packed: bytes, sender: Address) -> SmallTopic:
         """Follow the topic of a message that was delivered in order."""
@@ -125,8 +120,7 @@ class SmallTopics:
         msg_type = header.msg_type
         wire_key = sender, packed[:2], packed[_NAMES_OFFSET:]
         topic = SmallTopic(self.table, wire_key, (msg_type, header.topic), header.link)
-        upcoming = (header.seq_number + 1) % SEQ_NUMBERS
-        state = bytearray(_STATE.pack(upcoming, msg_type in STAMP_ORDERED, header.stamp_nanos))
+        state = state_of(msg_type, key_of(header))
         self.table[wire_key] = topic, state, msg_type, header.topic, header.link
         return topic
 

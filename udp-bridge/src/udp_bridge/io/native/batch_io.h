@@ -145,7 +145,7 @@ void copy_datagram(const struct part_batch *batch, const unsigned char *head, Py
                    char *to);
 struct mailbox *mailbox_in(const Py_buffer *memory);
 int are_small_topics(const struct small_topics *small);
-PyObject *take_whole(const struct part_batch *batch, PyObject *block, PyObject *row,
+PyObject *take_whole(const struct part_batch *batch, PyObject *row,
                      const struct small_topics *small);
 PyObject *take_small(PyObject *datagram, PyObject *sender, const struct small_topics *small);
 int keep_credit(struct part_batch *batch, const unsigned char *head, Py_ssize_t size);

@@ -371,7 +371,7 @@ PyObject *receive(PyObject *self, PyObject *args)
         }
     }
     if (size < 0 && !batch.missing && upcoming != Py_None) {
-        PyObject *whole = take_whole(&batch, batch.block.obj, upcoming, &small);
+        PyObject *whole = take_whole(&batch, upcoming, &small);
         if (whole) found = Py_BuildValue("NiL", whole, 0, batch.drops);
         if (whole || PyErr_Occurred()) goto end;
     }
