@@ -352,6 +352,11 @@ class Episode:
         for ack in acks.values():
             self._pending_acks.assume(ack)
 
+    @property
+    def awaits_commands(self) -> bool:
+        """Whether acknowledgements have come whose commands have not."""
+        return len(self._pending_acks) > 0
+
     def apply_acks(self) -> None:
         """Apply acknowledgements whose commands have come."""
         for process, ack in self._pending_acks.take_complete():

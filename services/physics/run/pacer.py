@@ -25,7 +25,9 @@ SKIP_AT_ONCE_SECONDS = 3.0
 one process from running. The 1,200 states that then come at once are below the 4,096 that a
 sensor's process buffers."""
 
-RETRY_SECONDS = 0.001
+RETRY_SECONDS = 0.01
+"""Longest wait for an acknowledgement, which ends the wait when it comes. With a tenth of it, waiting
+took as much processor time as stepping."""
 
 
 class StepPacer:

@@ -130,6 +130,9 @@ class PendingAcks:
         self._commanded: dict[str, tuple[int, int]] = {}
         """By vehicle: the newest tick of a command, and the number of commands with it."""
 
+    def __len__(self) -> int:
+        return len(self._pending)
+
     def commanded(self, vehicle: str, tick: int) -> None:
         """Record a command for `vehicle` that is stamped with `tick`."""
         newest, count = self._commanded.get(vehicle, NO_COMMAND)

@@ -48,6 +48,10 @@ from .world_queries import WorldQueryAnswers
 PAUSED_SECONDS = 0.01
 """How often a paused run looks for commands."""
 
+COMMANDS_SECONDS = 0.001
+"""How often to look for commands that have not come before their acknowledgement. They end no wait.
+"""
+
 RESTORED_AT_ONCE = 200
 """Ticks that are restored between two looks for messages; some tens of milliseconds."""
 
@@ -147,6 +151,8 @@ class PhysicsServer:
     def wait(self, seconds: float) -> None:
         """Wait for an acknowledgement, or this long."""
         self._bus.flush()
+        if self.episode.awaits_commands:
+            seconds = min(seconds, COMMANDS_SECONDS)
         self._peers.wait(seconds)
 
     def receive(self) -> None:

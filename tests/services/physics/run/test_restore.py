@@ -199,8 +199,10 @@ def test_time_goes_on_at_once_from_where_it_was(scenario: Scenario) -> None:
 def test_ack_counts_after_its_command_arrived(scenario: Scenario) -> None:
     """Or a driver that is restored would take for sent what never came."""
     with episode_of(scenario) as episode:
+        assert not episode.awaits_commands
         episode.acknowledged("rover/driver", Ack(5, 0, 0, b"", {"rover": 8}))
         episode.apply_acks()
+        assert episode.awaits_commands
         assert episode.journal().acks == {}
         episode.command("rover", Command(8 * TICK_NANOS, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
         episode.apply_acks()
