@@ -26,8 +26,8 @@ one process from running. The 1,200 states that then come at once are below the 
 sensor's process buffers."""
 
 RETRY_SECONDS = 0.01
-"""Longest wait for an acknowledgement, which ends the wait when it comes. With a tenth of it, waiting
-took as much processor time as stepping."""
+"""Longest wait for an acknowledgement, which ends the wait when it comes. With a tenth of it,
+waiting took as much processor time as stepping."""
 
 
 class StepPacer:
