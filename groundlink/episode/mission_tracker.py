@@ -9,7 +9,7 @@ from bisect import insort
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from math import copysign, cos, dist, isfinite, pi, radians
+from math import copysign, cos, dist, hypot, isfinite, pi, radians
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.quaternions import heading_rad, rotate
 from groundlink.messages.base import BusMessage, Command, WheelCommand, floats
 from groundlink.messages.navigation import JointState
-from groundlink.scenario.running_gear import SideSteered
+from groundlink.scenario.running_gear import Omnidirectional, SideSteered
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.scene.build import solids
@@ -95,8 +95,15 @@ def world_box(scenario: Scenario) -> Bounds | None:
 def wheels_twist(model: VehicleModel, speeds_radps: Mapping[str, float]) -> tuple[float, float]:
     """Return the velocity, m/s and rad/s, for which driven shafts turn at these speeds.
 
-    The turn of a vehicle that is steered by its wheels' angles is left out.
+    The turn of a vehicle that is steered by its wheels' angles is left out. The speed of a base
+    that drives sideways has no sign.
     """
+    if isinstance(model.drive, Omnidirectional):
+        rows = np.array(model.drive.rows(model.wheels))
+        named = (s.name for s in model.drive.shafts(model.wheels) if s.driven)
+        speeds = np.array([speeds_radps.get(name, 0.0) for name in named])
+        forward, left, turn = np.linalg.lstsq(rows, speeds)[0].tolist()
+        return hypot(forward, left), turn
     sides: tuple[list[float], list[float]] = ([], [])
     places: list[float] = []
     for shaft in model.drive.shafts(model.wheels):
@@ -115,7 +122,9 @@ def commanded_twist(model: VehicleModel, message: BusMessage) -> tuple[float, fl
     """Return the velocity, m/s and rad/s, that a message commands; None for no command."""
     match message:
         case Command():
-            return message.linear_mps[0], message.angular_radps[2]
+            forward, left, _ = message.linear_mps
+            drives_sideways = isinstance(model.drive, Omnidirectional)
+            return hypot(forward, left) if drives_sideways else forward, message.angular_radps[2]
         case WheelCommand():
             return wheels_twist(model, message.speeds_radps)
         case JointState():

@@ -10,7 +10,7 @@ by its bounding box.
 """
 
 from collections.abc import Collection, Sequence
-from math import isinf, radians
+from math import cos, isinf, radians, sin
 from typing import NamedTuple
 from xml.etree import ElementTree
 
@@ -145,7 +145,8 @@ def _wheel(robot: Element, carrier: str, wheel: Wheel, at: Vector3, *, turns: bo
     joint = _sub(robot, "joint", name=wheel.name, type="continuous" if turns else "fixed")
     _sub(joint, "parent", link=carrier)
     _sub(joint, "child", link=f"{wheel.name}_link")
-    _origin(joint, at, IDENTITY_QUATERNION)
+    half = wheel.yaw_rad / 2
+    _origin(joint, at, (0.0, 0.0, sin(half), cos(half)))
     if turns:
         _sub(joint, "axis", xyz="0 1 0")
     return _sub(robot, "link", name=f"{wheel.name}_link")

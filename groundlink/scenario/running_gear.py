@@ -7,10 +7,10 @@ which shafts have a motor. Physics computes the motion of wheels and ground cont
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import radians, tan
+from math import cos, radians, sin, tan
 from typing import Annotated, Literal
 
-from msgspec import Meta
+from msgspec import UNSET, Meta, UnsetType
 
 from groundlink.core.fields import Fraction01, NonNegative, Positive, Spec, Vector3
 from groundlink.world.solids import Solid
@@ -31,6 +31,17 @@ class Suspension(Spec, frozen=True):
 
     damping_nspm: Positive = 500.0
     """Damping rate, N s/m."""
+
+
+class Rollers(Spec, frozen=True):
+    """Rollers along the rim of an omni or Mecanum wheel, which roll freely on the ground."""
+
+    angle_deg: Annotated[float, Meta(ge=-80, le=80)] = 0.0
+    """Direction in which the roller at the ground rolls, counterclockwise from the axle (to the
+    wheel's left): 0 for an omni wheel, 45 or -45 for a Mecanum wheel."""
+
+    friction_ratio: Annotated[float, Meta(gt=0, le=1)] = 0.02
+    """Friction in that direction as a share of the friction across it: bearings of the rollers."""
 
 
 class Wheel(Spec, frozen=True, kw_only=True):
@@ -79,12 +90,24 @@ class Wheel(Spec, frozen=True, kw_only=True):
     """Suspension of this wheel; none: the vehicle's. A suspension always exists; for a real wheel
     without a spring it stands for the tire."""
 
+    rollers: Rollers | UnsetType = UNSET
+    """Rollers along the rim, for an `omnidirectional` drive; none: a tread."""
+
+    yaw_deg: float | UnsetType = UNSET
+    """Direction in which the wheel rolls, counterclockwise from the base's x axis, for an
+    `omnidirectional` drive; none: along x."""
+
     material: str = "rubber"
     """Material of the default visual: a cylinder of radius and width about the axle, the link's y
     axis."""
 
     visuals: tuple[Solid, ...] = ()
     """Visual solids in the link's frame, instead of the cylinder."""
+
+    @property
+    def yaw_rad(self) -> float:
+        """Return the direction in which the wheel rolls, in the base frame."""
+        return 0.0 if self.yaw_deg is UNSET else radians(self.yaw_deg)
 
     @property
     def axle_inertia_kgm2(self) -> float:
@@ -212,6 +235,12 @@ class DriveSpec(Spec, frozen=True, tag_field="kind", kw_only=True):
         ValueError
             with the expected value.
         """
+        for wheel in wheels:
+            if wheel.rollers is not UNSET or wheel.yaw_deg is not UNSET:
+                raise ValueError(
+                    f"`{wheel.name}` has `rollers` or `yaw_deg`; expected neither. Fix: "
+                    "`drive: {kind: omnidirectional, ...}`"
+                )
         sides = {wheels[i].center_m[1] > 0 for shaft in self.counted(wheels) for i in shaft.wheels}
         if len(sides) != 2:
             raise ValueError("`drive` needs driven wheels on both sides (y > 0 and y < 0)")
@@ -344,4 +373,57 @@ class Ackermann(DriveSpec, frozen=True, tag="ackermann", kw_only=True):
                 )
 
 
-Drive = SkidSteer | Differential | Tracked | Ackermann
+class Omnidirectional(DriveSpec, frozen=True, tag="omnidirectional", kw_only=True):
+    """Wheels with rollers, all driven, that move the base in all directions.
+
+    They are Mecanum wheels in pairs, or omni wheels around the base. Casters may help to carry it.
+    """
+
+    def rows(self, wheels: Sequence[Wheel]) -> tuple[tuple[float, float, float], ...]:
+        """Return the speed of each driven wheel, rad/s, for 1 m/s along x, 1 m/s along y, 1 rad/s.
+
+        A wheel grips the ground across the direction in which its rollers roll. Source: Lynch and
+        Park, Modern Robotics (2017), section 13.2.
+        """
+        rows = []
+        for wheel in wheels:
+            if wheel.rollers is UNSET:
+                continue
+            rollers = radians(wheel.rollers.angle_deg)
+            grips = wheel.yaw_rad + rollers
+            along, aside = cos(grips), sin(grips)
+            x, y, _ = wheel.center_m
+            share = wheel.radius_m * cos(rollers)
+            rows.append((along / share, aside / share, (aside * x - along * y) / share))
+        return tuple(rows)
+
+    def check(self, wheels: Sequence[Wheel]) -> None:
+        """Refuse wheels that do not move the base along x, along y and about z."""
+        for wheel in wheels:
+            if wheel.caster is (wheel.rollers is not UNSET):
+                raise ValueError(
+                    f"`{wheel.name}` of an `omnidirectional` drive: expected either `rollers` or "
+                    "`caster: true`"
+                )
+        if LEAST_HOLD > _hold(self.rows(wheels)):
+            raise ValueError(
+                "the `rollers` leave the base free to move; expected wheels that drive it along "
+                "x, along y and about z. Fix: for Mecanum wheels, `angle_deg` of -45 at front left "
+                "and rear right, 45 at the others"
+            )
+
+
+Drive = SkidSteer | Differential | Tracked | Ackermann | Omnidirectional
+
+LEAST_HOLD = 1e-3
+"""Determinant, relative to that of wheels that hold a base alike in all directions, below which
+it is free."""
+
+
+def _hold(rows: Sequence[tuple[float, float, float]]) -> float:
+    """Return the determinant of the wheels' normal equations over the product of its diagonal."""
+    (a, b, c), (_, d, e), (_, _, f) = [
+        [sum(row[i] * row[k] for row in rows) for k in range(3)] for i in range(3)
+    ]
+    whole = a * d * f
+    return (a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)) / (whole or 1.0)

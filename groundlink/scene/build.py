@@ -7,7 +7,8 @@ therefore be identical to the bit on every machine. Vehicles are not part of the
 
 import hashlib
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 from zlib import crc32
 
 import msgspec
@@ -125,13 +126,24 @@ def world_hash(scenario: Scenario) -> str:
     return hashlib.sha256(_CANONICAL.encode(content)).hexdigest()
 
 
-_SHARED_FIELDS = [name for name in VehicleModel.__struct_fields__ if name not in EFFECTS]
-_SharedModel = msgspec.defstruct("_SharedModel", _SHARED_FIELDS)
-
-
 def _agreed(model: VehicleModel) -> msgspec.Struct:
     """Return the part of a vehicle model that physics and sensors must agree on."""
-    return _SharedModel(*(getattr(model, name) for name in _SHARED_FIELDS))
+    return _reduced(model, without=EFFECTS, wheels=tuple(_reduced(wheel) for wheel in model.wheels))
+
+
+def _reduced(spec: msgspec.Struct, without: Sequence[str] = (), **other: object) -> msgspec.Struct:
+    """Return a structure without some fields and without those that are unset.
+
+    The encoding of 16 fields begins with other bytes than that of 15, even if some are unset.
+    """
+    found = {name: getattr(spec, name) for name in spec.__struct_fields__ if name not in without}
+    kept = {name: value for name, value in (found | other).items() if value is not msgspec.UNSET}
+    return _structure(tuple(kept))(*kept.values())
+
+
+@lru_cache
+def _structure(fields: tuple[str, ...]) -> type[msgspec.Struct]:
+    return msgspec.defstruct("_Reduced", fields)
 
 
 def _check_materials(scenario: Scenario) -> None:

@@ -44,6 +44,17 @@ void groundlink_steering_joint_turn(struct steering_joint *joint, double grip, d
     joint->angle = clamped(joint->angle + reached * TICK_SECONDS, joint->range);
 }
 
+/* Turn the direction of the tread's grip across that in which the rollers at the ground roll. */
+static void grip_across_rollers(struct wheel *wheel)
+{
+    double c = wheel->rollers[0], s = wheel->rollers[1];
+    for (int k = 0; k < 3; k++) {
+        double forward = wheel->forward[k], left = wheel->left[k];
+        wheel->forward[k] = c * forward + s * left;
+        wheel->left[k] = c * left - s * forward;
+    }
+}
+
 /* Find out how the ground moves under a wheel, and where. */
 static void meet(struct wheel *wheel, const double velocity[3], const double turn[3],
                  const struct joint *spring)
@@ -62,7 +73,7 @@ static void meet(struct wheel *wheel, const double velocity[3], const double tur
         load = 1.0; /* forces on a wedged wheel cancel */
     const double n[3] = {wheel->normal[0] / load, wheel->normal[1] / load, wheel->normal[2] / load};
     double grip = wheel->grip * wheel->friction;
-    double ax = 0.0, ay = 1.0;
+    double ax = wheel->axle[0], ay = wheel->axle[1];
     if (steering) {
         groundlink_steering_joint_turn(steering, grip, velocity[0]);
         ax = -sin(steering->angle);
@@ -81,6 +92,8 @@ static void meet(struct wheel *wheel, const double velocity[3], const double tur
                          wheel->radius * n[k];
     }
     cross(n, wheel->forward, wheel->left);
+    if (wheel->rollers[1] != 0.0)
+        grip_across_rollers(wheel);
     const double *r = wheel->foot;
     const double moves[3] = {
         velocity[0] + turn[1] * r[2] - turn[2] * r[1],

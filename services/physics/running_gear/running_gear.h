@@ -57,6 +57,8 @@ struct steering_joint {
 
 struct wheel {
     double center[3], radius, friction, resistance, ratio;
+    double yaw, axle[2]; /* direction of an axle that is not steered */
+    double rollers[2];   /* cosine and sine from that of rolling to that of grip */
     double preload, stiffness, damping;
     struct tire *tire;
     struct shaft *shaft;            /* NULL: it does not turn */

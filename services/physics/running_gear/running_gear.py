@@ -8,7 +8,7 @@ springs: turning, grip and steering are here.
 
 from collections.abc import Sequence
 from ctypes import POINTER, Structure, byref, c_double, c_int32, c_size_t, pointer
-from math import nan, radians
+from math import cos, nan, radians, sin
 
 from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.ground_truth import BatteryState
@@ -106,6 +106,9 @@ class RollingWheel(Structure):
         ("_friction", c_double),
         ("_resistance", c_double),
         ("ratio", c_double),
+        ("_yaw", c_double),
+        ("_axle", c_double * 2),
+        ("_rollers", c_double * 2),
         ("_preload_n", c_double),
         ("_stiffness_npm", c_double),
         ("_damping_nspm", c_double),
@@ -125,6 +128,12 @@ class RollingWheel(Structure):
     ratio: float
     """Turns of the wheel for one turn of its shaft."""
 
+    grip: tuple[float, float]
+    """Direction of its grip in the base frame, without steering."""
+
+    of_tread: float
+    """Speed in that direction for one of the rim."""
+
     under: float
     """Roughness of what it touches, in units of class A, or `IN_AIR`."""
 
@@ -143,10 +152,16 @@ class RollingWheel(Structure):
         soil: SoilWheel | None,
     ) -> None:
         self.tire, self.soil = tire, soil
+        yaw, rolls = wheel.yaw_rad, radians(wheel.rollers.angle_deg) if wheel.rollers else 0.0
+        # Without a yaw the zero has the sign that it had before there were any.
+        axle = (-sin(yaw), cos(yaw)) if yaw else (0.0, 1.0)
+        self.grip = cos(yaw + rolls), sin(yaw + rolls)
+        self.of_tread = cos(rolls)
         self.shaft: TurningShaft | None = None
         super().__init__(
             *(_VECTOR(*wheel.center_m), wheel.radius_m, wheel.friction, wheel.rolling_resistance),
-            *(1.0, preload_n, suspension.stiffness_npm, suspension.damping_nspm),
+            *(1.0, yaw, (c_double * 2)(*axle), (c_double * 2)(cos(rolls), sin(rolls))),
+            *(preload_n, suspension.stiffness_npm, suspension.damping_nspm),
             *(pointer(tire), None, steering_joint and pointer(steering_joint)),
             soil and pointer(soil),
             under=IN_AIR,
@@ -254,7 +269,13 @@ class RunningGear(Structure):
                 wheel,
                 wheel.suspension or model.suspension,
                 preload,
-                Tire(borne_kg=mass, axle_ratio=wheel.axle_friction_ratio, slip=model.tire_slip),
+                Tire(
+                    borne_kg=mass,
+                    axle_ratio=wheel.rollers.friction_ratio
+                    if wheel.rollers
+                    else wheel.axle_friction_ratio,
+                    slip=model.tire_slip,
+                ),
                 joints.get(wheel.name),
                 soil,
             )
@@ -272,7 +293,7 @@ class RunningGear(Structure):
                 rolling.ratio = shaft.radius_m / wheel.radius_m
             turning = TurningShaft(
                 [rolling.tire for _, rolling in parts],
-                radius_m=shaft.radius_m,
+                radius_m=shaft.radius_m * parts[0][1].of_tread,
                 inertia_kgm2=shaft.inertia_kgm2
                 + sum(w.axle_inertia_kgm2 * rolling.ratio**2 for w, rolling in parts),
                 damping_nmsprad=sum(
@@ -323,17 +344,18 @@ class RunningGear(Structure):
         """Return the angles of the steered wheels."""
         return tuple([joint.angle_rad for joint in self._steering_joints])
 
-    def roll(self, forward_mps: float, turn_radps: float) -> None:
+    def roll(self, forward_mps: float, left_mps: float, turn_radps: float) -> None:
         """Have all shafts turn as they do when the vehicle rolls at a velocity, without slip.
 
         Parameters
         ----------
-        forward_mps, turn_radps
-            velocities of the base's origin, along x and about z of the base.
+        forward_mps, left_mps, turn_radps
+            velocities of the base's origin, along x and y and about z of the base.
         """
         for shaft in (*self._driven, *self._free):
             speeds_mps = [
-                forward_mps - turn_radps * wheel.center_m[1]
+                wheel.grip[0] * (forward_mps - turn_radps * wheel.center_m[1])
+                + wheel.grip[1] * (left_mps + turn_radps * wheel.center_m[0])
                 for wheel in self.wheels
                 if wheel.shaft is shaft
             ]

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from groundlink.core.clock import TICK_RATE_HZ, TICK_SECONDS
 from groundlink.report.analysis.trials import Trial, TrialCurve, TrialFigure, TrialPlot
-from groundlink.scenario.running_gear import SideSteered
+from groundlink.scenario.running_gear import Omnidirectional, SideSteered
 from groundlink.scenario.schema import Placement
 from groundlink.scenario.vehicle import VehicleModel
 from services.physics.dynamics.backend import GRAVITY_MPS2
 from services.physics.dynamics.bullet import BulletBackend
 
-from .track import FLOOR_M, NAME, Drive, drive, put, ramp, slope, travels
+from .track import FLOOR_M, NAME, Drive, drive, put, ramp, rolled, slope, travels
 
 CURVE_TICKS = 8
 """Ticks between points of a curve: 50 points a second."""
@@ -40,6 +40,7 @@ WITHIN = 0.01
 
 TURN_RADPS = 0.6
 TURN_SECONDS = 3.0
+SIDEWAYS_SECONDS = 3.0
 HARDLY = 0.1
 """Below this share of the commanded rate the wheels do not turn the vehicle."""
 
@@ -87,6 +88,8 @@ def all_trials(model: VehicleModel, *, climb_deg: float = CLIMB_DEG) -> Iterator
     """Yield all trials of a vehicle, as they are done."""
     for trial in (stand, straight, turn, stop):
         yield trial(model)
+    if isinstance(model.drive, Omnidirectional):
+        yield sideways(model)
     yield climb(model, climb_deg)
     yield lean(model, climb_deg)
 
@@ -120,15 +123,17 @@ def straight(model: VehicleModel) -> Trial:
         drive(simulation, 0.5)
         driven = drive(simulation, way / speed + _acceleration_s(model, speed), (speed, 0.0))
     made = float(np.hypot(*(driven.pose[-1] - driven.pose[0])[:2]))
-    left, right = travels(model, driven)
-    rolled = (left + right) / 2
+    if isinstance(model.drive, Omnidirectional):
+        way_rolled, _, _ = rolled(model, driven)
+    else:
+        way_rolled = sum(travels(model, driven)) / 2
     return Trial(
         "straight",
         f"drive {way:.3g} m straight ahead at {speed:.3g} m/s",
         (
             _at_least("driven", made, "m", way),
             _near("speed", driven.speed, "m/s", speed, WITHIN),
-            _near("rolled by the wheels", rolled, "m", made, WITHIN),
+            _near("rolled by the wheels", way_rolled, "m", made, WITHIN),
             _at_most("aside", abs(float(driven.pose[-1, 1])), "m", WITHIN * made),
         ),
         (_over_time("speed, m/s", _commanded(driven, speed), ("true", _ahead_mps(driven))),),
@@ -147,11 +152,17 @@ def turn(model: VehicleModel) -> Trial:
         turned = drive(simulation, TURN_SECONDS, (speed, rate))
     true = float(turned.velocity[:, 5].mean())
     figures = [_near("yaw rate", true, "rad/s", rate, WITHIN)]
-    sides = [model.wheels[shaft.wheels[0]].center_m[1] for shaft in model.counted]
-    left, right = travels(model, turned)
-    multiplier = (right - left) / (true * TURN_SECONDS) / (max(sides) - min(sides)) if true else 0.0
-    given = model.drive.track_multiplier if isinstance(model.drive, SideSteered) else 1.0
-    figures.append(_near("effective over geometric track", multiplier, "", given, WITHIN))
+    multiplier = 1.0
+    if isinstance(model.drive, Omnidirectional):
+        counted = rolled(model, turned)[2]
+        figures.append(_near("turned by the wheels", counted, "rad", true * TURN_SECONDS, WITHIN))
+    else:
+        sides = [model.wheels[shaft.wheels[0]].center_m[1] for shaft in model.counted]
+        left, right = travels(model, turned)
+        apart = max(sides) - min(sides)
+        multiplier = (right - left) / (true * TURN_SECONDS) / apart if true else 0.0
+        given = model.drive.track_multiplier if isinstance(model.drive, SideSteered) else 1.0
+        figures.append(_near("effective over geometric track", multiplier, "", given, WITHIN))
     if on_the_spot:
         wandered = np.linalg.norm(turned.pose[:, :2] - turned.pose[0, :2], axis=1)
         figures.append(_at_most("wandered", float(wandered.max()), "m", WANDER_M))
@@ -177,11 +188,44 @@ def turn(model: VehicleModel) -> Trial:
 
 def _fix_of_turn(model: VehicleModel, multiplier: float, share: float) -> str:
     """Return what to try if a vehicle turns at another rate, which is this share of the command."""
+    if isinstance(model.drive, Omnidirectional):
+        return "check `max_wheel_torque_nm`, and `angle_deg` and friction of the `rollers`"
     if not isinstance(model.drive, SideSteered):
         return "check `max_steering_deg`, `steering_torque_nm` and the friction of the tires"
     if share < HARDLY:
         return "check `max_wheel_torque_nm`, or lower `axle_friction_ratio`: it hardly turns"
     return f"set `track_multiplier: {multiplier:.3g}`, the measured one"
+
+
+def sideways(model: VehicleModel) -> Trial:
+    """Drive a base with rollers to the left, and then between left and back."""
+    speed = _cruising_mps(model) / 2
+    with put(model) as simulation:
+        left = drive(simulation, SIDEWAYS_SECONDS, (0.0, 0.0, speed))
+        part = speed / sqrt(2)
+        drive(simulation, 2 * _acceleration_s(model, speed), (-part, 0.0, part))
+        begun = simulation.vehicle_states()[NAME].poses()[0, :2].copy()
+        between = drive(simulation, SIDEWAYS_SECONDS, (-part, 0.0, part))
+    moved = left.last[:2]
+    x, y = between.last[:2] - begun
+    heading = degrees(2 * float(np.abs(between.pose[:, 5]).max()))
+    _, rolled_left, _ = rolled(model, left)
+    made = float(left.pose[-1, 1] - left.pose[0, 1])
+    way = np.vstack((left.pose, between.pose))
+    return Trial(
+        "sideways",
+        f"drive to the left at {speed:.3g} m/s, then between left and back",
+        (
+            _near("speed to the left", float(left.velocity[-1, 1]), "m/s", speed, WITHIN),
+            _near("rolled by the wheels", rolled_left, "m", made, WITHIN),
+            _at_most("forward", abs(float(moved[0])), "m", WITHIN * made),
+            _near("direction", degrees(atan2(y, x)), "deg", 135.0, 0.0, 1.0),
+            _near("speed", between.speed, "m/s", speed, WITHIN),
+            _at_most("turned", heading, "deg", 1.0),
+        ),
+        (TrialPlot("x, m", "y, m", (_curve("true", way[:, 0], way[:, 1]),), equal=True),),
+        "check `max_wheel_torque_nm`, and `angle_deg` and friction of the `rollers`",
+    )
 
 
 def stop(model: VehicleModel) -> Trial:

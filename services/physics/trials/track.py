@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from groundlink.core.clock import TICK_RATE_HZ
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.messages.base import Command, floats
+from groundlink.scenario.running_gear import Omnidirectional
 from groundlink.scenario.schema import Placement, Scenario, Vehicle, World
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Box, Material, Solid
@@ -68,14 +69,15 @@ class Drive:
 def drive(
     simulation: Simulation,
     seconds: float,
-    twist: tuple[float, float] | None = None,
+    twist: tuple[float, ...] | None = None,
     name: str = NAME,
 ) -> Drive:
-    """Step, with a command of (m/s, rad/s) a tick if one is given."""
+    """Step, with a command of (m/s, rad/s), or also m/s to the left, a tick if one is given."""
     rows = []
     for _ in range(round(seconds * TICK_RATE_HZ)):
         if twist is not None:
-            command = Command(simulation.sim_nanos, (twist[0], 0.0, 0.0), (0.0, 0.0, twist[1]))
+            forward, turn, left = twist if len(twist) == 3 else (*twist, 0.0)
+            command = Command(simulation.sim_nanos, (forward, left, 0.0), (0.0, 0.0, turn))
             simulation.command(name, command)
         simulation.step()
         state = simulation.vehicle_states()[name]
@@ -83,6 +85,19 @@ def drive(
         velocity, angles = floats(state.base_velocity), floats(state.joint_positions)
         rows.append((base[0], velocity, angles, wheels))
     return Drive(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def rolled(model: VehicleModel, driven: Drive) -> tuple[float, float, float]:
+    """Return how far a base with rollers has moved along its x and y (m) and turned (rad).
+
+    By what encoders count, on a way whose directions stay the same in the base.
+    """
+    assert isinstance(model.drive, Omnidirectional)
+    shafts = [shaft.wheels[0] for shaft in model.counted]
+    angles = driven.angles[-1, shafts] - driven.angles[0, shafts]
+    moved = np.linalg.lstsq(np.array(model.drive.rows(model.wheels)), angles)[0]
+    forward, left, turn = moved.tolist()
+    return forward, left, turn
 
 
 def travels(model: VehicleModel, driven: Drive) -> tuple[float, float]:

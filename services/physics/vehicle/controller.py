@@ -105,12 +105,11 @@ class Controller:
         self._angular_step = drive.max_angular_acceleration_radps2 * TICK_SECONDS
         self._waiting: list[tuple[int, Twist | WheelTargets | JointTargets]] = []
         self._now_nanos = self._since_nanos = -1
-        self._asked: Twist | WheelTargets | CommandedJoints = STANDSTILL
+        still = self._standstill = self.steering.STANDSTILL
+        self._asked: Twist | WheelTargets | CommandedJoints = still
         self._joints = CommandedJoints(len(self.shafts), self._timeout_nanos)
-        self._ramped: Twist | None = STANDSTILL
-        self._wheels = WheelTargets(
-            self.steering.speeds(STANDSTILL), self.steering.angles(STANDSTILL)
-        )
+        self._ramped: Twist | None = still
+        self._wheels = WheelTargets(self.steering.speeds(still), self.steering.angles(still))
 
     def command(self, command: Command | WheelCommand) -> bool:
         """Take a command. One that is older than the active command changes nothing.
@@ -177,7 +176,10 @@ class Controller:
     def _velocity(self, command: Command) -> Twist:
         if not all(map(isfinite, (*command.linear_mps, *command.angular_radps))):
             raise ValueError("a velocity is not finite")
-        return self.steering.within_limits((command.linear_mps[0], command.angular_radps[2]))
+        twist: Twist = (command.linear_mps[0], command.angular_radps[2])
+        if len(self._standstill) > len(twist):
+            twist = (*twist, command.linear_mps[1])
+        return self.steering.within_limits(twist)
 
     def _each_wheel(self, command: WheelCommand) -> WheelTargets:
         most = self._drive.max_wheel_speed_radps
@@ -205,7 +207,7 @@ class Controller:
         if isinstance(asked, CommandedJoints):
             return self._follow_joints(asked, sim_nanos, angles)
         if sim_nanos - self._since_nanos > self._timeout_nanos:
-            asked = self._asked = STANDSTILL
+            asked = self._asked = self._standstill
         if isinstance(asked, WheelTargets):
             self._ramped, self._wheels = None, asked
         elif self._ramped != asked or angles:
@@ -218,11 +220,12 @@ class Controller:
 
     def _next_ramped(self, asked: Twist) -> Twist:
         """Return the velocity of this tick on the way to `asked`, within the accelerations."""
-        (v, w), (asked_v, asked_w) = self._ramped or STANDSTILL, asked
-        return (
-            _towards(v, asked_v, self._linear_step),
-            _towards(w, asked_w, self._angular_step),
-        )
+        now = self._ramped or self._standstill
+        speed = _towards(now[0], asked[0], self._linear_step)
+        turn = _towards(now[1], asked[1], self._angular_step)
+        if len(asked) == 2:
+            return speed, turn
+        return speed, turn, _towards(now[2], asked[2], self._linear_step)
 
     def _joined(self, targets: JointTargets) -> CommandedJoints:
         """Return the commands of joints with these ones, which act now."""

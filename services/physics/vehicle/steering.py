@@ -1,21 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Steering geometry: from a velocity of the base to shaft speeds and steering angles.
 
-One class for skid steering, one for Ackermann steering. The actual speed of a shaft depends on its
-motor and on the ground.
+One class each for skid steering, for Ackermann steering and for wheels with rollers. The actual
+speed of a shaft depends on its motor and on the ground.
 """
 
 from collections.abc import Sequence
 from math import atan, copysign, hypot, tan
 
-from groundlink.scenario.running_gear import Ackermann, SideSteered
+import numpy as np
+
+from groundlink.scenario.running_gear import Ackermann, Omnidirectional, SideSteered
 from groundlink.scenario.vehicle import VehicleModel
 
 Speeds = tuple[float, ...]
 """Speeds of the driven shafts, rad/s, forward > 0."""
 
-Twist = tuple[float, float]
-"""Velocity along the base's x, m/s, and about its z, rad/s."""
+Twist = tuple[float, ...]
+"""Velocity along the base's x, m/s, about its z, rad/s, and along its y, m/s, of a base that drives
+sideways."""
 
 STANDSTILL: Twist = (0.0, 0.0)
 
@@ -30,6 +33,7 @@ class SkidSteering:
     """
 
     MEMORY = ()
+    STANDSTILL = STANDSTILL
 
     def __init__(self, model: VehicleModel, drive: SideSteered) -> None:
         wheels = model.wheels
@@ -44,7 +48,7 @@ class SkidSteering:
 
     def speeds(self, twist: Twist, angles: Sequence[float] = ()) -> Speeds:
         """Return the speed of each driven shaft for a velocity of the base."""
-        linear, angular = twist
+        linear, angular = twist[0], twist[1]
         return tuple([(linear - angular * y) / radius for y, radius in self._shares])
 
     def twist(self, speeds: Sequence[float], angles: Sequence[float] = ()) -> Twist:
@@ -78,6 +82,7 @@ class AckermannSteering:
     """
 
     MEMORY = ("_curvature",)
+    STANDSTILL = STANDSTILL
 
     def __init__(self, model: VehicleModel, drive: Ackermann) -> None:
         wheels = model.wheels
@@ -139,11 +144,45 @@ class AckermannSteering:
         return total / len(angles)
 
 
-Steering = SkidSteering | AckermannSteering
+class OmnidirectionalSteering:
+    """Each wheel rolls so that its grip moves as the base does there: see `Omnidirectional`."""
+
+    MEMORY = ()
+    STANDSTILL: Twist = (0.0, 0.0, 0.0)
+
+    def __init__(self, model: VehicleModel, drive: Omnidirectional) -> None:
+        self._most = drive.max_wheel_speed_radps
+        self._rows = drive.rows(model.wheels)
+        self._inverse = np.linalg.pinv(np.array(self._rows))
+
+    def speeds(self, twist: Twist, angles: Sequence[float] = ()) -> Speeds:
+        """Return the speed of each driven wheel for a velocity of the base."""
+        forward, angular, left = twist
+        return tuple([forward * x + left * y + angular * turn for x, y, turn in self._rows])
+
+    def twist(self, speeds: Sequence[float], angles: Sequence[float] = ()) -> Twist:
+        """Return the velocity of the base that wheel speeds amount to, in least squares."""
+        forward, left, angular = (self._inverse @ np.array(speeds)).tolist()
+        return forward, angular, left
+
+    def angles(self, twist: Twist) -> tuple[float, ...]:
+        """Return the angles of the steered wheels: none."""
+        return ()
+
+    def within_limits(self, twist: Twist) -> Twist:
+        """Return a velocity in the same direction that no wheel is too slow for."""
+        fastest = max(map(abs, self.speeds(twist)))
+        share = min(1.0, self._most / fastest) if fastest else 1.0
+        return tuple([part * share for part in twist])
+
+
+Steering = SkidSteering | AckermannSteering | OmnidirectionalSteering
 
 
 def steering(model: VehicleModel) -> Steering:
     """Return the steering geometry of a vehicle."""
     if isinstance(model.drive, Ackermann):
         return AckermannSteering(model, model.drive)
+    if isinstance(model.drive, Omnidirectional):
+        return OmnidirectionalSteering(model, model.drive)
     return SkidSteering(model, model.drive)

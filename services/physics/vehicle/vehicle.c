@@ -185,9 +185,9 @@ static void write_pose(const struct vehicle *vehicle, size_t place, char *pose)
     const double *q = vehicle->body->orientation, *c = wheel->center;
     double cz = c[2] + vehicle->body->joints[place].position - sinkage(wheel);
     double ux = q[0], uy = q[1], uz = q[2], uw = q[3];
-    if (wheel->steering) {
+    if (wheel->steering || wheel->yaw != 0.0) {
         /* A steered wheel is turned about z first. */
-        double half = wheel->steering->angle / 2, s = sin(half), k = cos(half);
+        double half = (wheel->steering ? wheel->steering->angle : wheel->yaw) / 2, s = sin(half), k = cos(half);
         ux = q[0] * k + q[1] * s;
         uy = q[1] * k - q[0] * s;
         uz = q[2] * k + q[3] * s;

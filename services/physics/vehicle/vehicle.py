@@ -323,8 +323,8 @@ class SimulatedVehicle(Structure):
         velocity = vx + wy * dz - wz * dy, vy + wz * dx - wx * dz, vz + wx * dy - wy * dx
         self._backend.set_velocity(self.body, velocity, (wx, wy, wz))
         if twist is not None:
-            forward_mps, turn_radps = a * vx + d * vy + g * vz, c * wx + f * wy + i * wz
-            self.running_gear.roll(forward_mps, turn_radps)
+            forward_mps, left_mps = a * vx + d * vy + g * vz, b * vx + e * vy + h * vz
+            self.running_gear.roll(forward_mps, left_mps, c * wx + f * wy + i * wz)
         self.sense()
 
     def pose(self) -> Pose:

@@ -21,6 +21,7 @@ from groundlink.messages.navigation import Odometry
 from groundlink.scenario.running_gear import (
     Ackermann,
     Differential,
+    Omnidirectional,
     SideSteered,
     SkidSteer,
     Tracked,
@@ -30,6 +31,7 @@ from groundlink.scenario.wheel_encoders import IncrementalEncoders
 from services.sensors.runtime.next_event import NextEvent
 from services.sensors.runtime.wheel_counters import WheelCounters, wrapped
 
+from .omni_reckoning import OmniReckoning
 from .reckoning import Floats, Reckoned, Reckoning
 from .spec import WheelOdometry
 
@@ -45,6 +47,7 @@ SKID = {
     Tracked: (0.015, 0.1),
     Differential: (5e-4, 0.0),
     Ackermann: (5e-4, 0.0),
+    Omnidirectional: (2e-3, 0.0),
 }
 """Default `turn_stddev_share` and `skid_stddev_s` by drive: the skid of the shipped vehicles on
 level ground at up to 1 m/s and 0.5 rad/s."""
@@ -83,12 +86,19 @@ class WheelOdometryModel:
         self._counters = WheelCounters(scenario, vehicle, encoders)
         per_radian = encoders.ticks_per_wheel_revolution / (2 * math.pi)
         self._most_per_second = POSSIBLE * drive.max_wheel_speed_radps * per_radian
+        signs = [-1 if shaft.name in encoders.reversed_wheels else 1 for shaft in shafts]
+        self._radians = np.array(signs) / per_radian
+        self._reckoning: Reckoning | OmniReckoning
+        if isinstance(drive, Omnidirectional):
+            self._reckoning = _omni_reckoning(vehicle, drive, encoders, spec)
+            self.remember(b"")
+            self.restart()
+            return
         # Rows are left and right. The travel of a side is the mean travel of its wheels.
         travels = np.zeros((2, len(shafts)))
         white = np.full(2, spec.travel_stddev**2)
-        for i, (shaft, left) in enumerate(zip(shafts, lefts, strict=True)):
+        for i, (shaft, left, sign) in enumerate(zip(shafts, lefts, signs, strict=True)):
             radius = spec.wheel_radius_m or shaft.radius_m
-            sign = -1 if shaft.name in encoders.reversed_wheels else 1
             side, count = (0 if left else 1), lefts.count(left)
             travels[side, i] = sign * radius / per_radian / count
             white[side] += encoders.slip_stddev**2 * radius / count**2
@@ -129,7 +139,7 @@ class WheelOdometryModel:
         past = msgspec.msgpack.decode(memory, type=_Memory) if memory else _Memory(b"")
         self._counters.remember(past.counters)
         self._nanos, self._ticks = past.nanos, past.ticks
-        self._reckoning.pose = past.pose
+        self._reckoning.pose = past.pose if memory else self._reckoning.origin()
 
     def settled_tick(self) -> int:
         """Return the tick up to which every reading has been yielded; -1 before the first."""
@@ -150,26 +160,63 @@ class WheelOdometryModel:
         ticks = self._counters.ticks(event.nanos - state.tick * TICK_NANOS)
         return [self._odometry(state.epoch_nanos, event.nanos, ticks)]
 
-    def _odometry(self, epoch_nanos: int, nanos: int, ticks: tuple[int, ...]) -> Odometry:
-        """Advance to a reading of the counters and return the odometry."""
-        speed, turn_rate, spread, rounding = 0.0, 0.0, np.zeros((2, 2)), np.zeros((2, 2))
+    def _steps(self, nanos: int, ticks: tuple[int, ...]) -> tuple[list[int], float]:
+        """Return the counts since the last reading, and their time in s; 0 for the first."""
+        steps, seconds = [0] * len(ticks), 0.0
         if 0 <= self._nanos < nanos:
             seconds = (nanos - self._nanos) / NANOS
             steps = [wrapped(now - before) for now, before in zip(ticks, self._ticks, strict=True)]
             if max(map(abs, steps)) > self._most_per_second * seconds + 1:
                 steps = [0] * len(steps)
+        self._nanos, self._ticks = nanos, ticks
+        return steps, seconds
+
+    def _omni_odometry(
+        self, stamp_nanos: int, reckoning: OmniReckoning, steps: list[int], seconds: float
+    ) -> Odometry:
+        """Return the odometry of a base that moves in all directions."""
+        twist, spread, rounding = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
+        if seconds:
+            moved, spread = reckoning.step(self._radians * np.array(steps, np.float64))
+            rounding = reckoning.from_wheels * self._radians**2 / 6 @ reckoning.from_wheels.T
+            twist, spread = moved / seconds, (spread + rounding) / seconds**2
+        pose = reckoning.pose
+        c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        forward, left, turn_rate = twist.tolist()
+        return Odometry(
+            stamp_nanos=stamp_nanos,
+            frame=self._frame,
+            child_frame=self._child_frame,
+            position_m=(pose.x_m, pose.y_m, 0.0),
+            orientation=(0.0, 0.0, math.sin(pose.yaw_rad / 2), math.cos(pose.yaw_rad / 2)),
+            linear_mps=(forward, left, 0.0),
+            angular_radps=(0.0, 0.0, turn_rate),
+            pose_covariance=_in_space(
+                reckoning.covariance() + turned @ rounding @ turned.T, (0, 1, 5)
+            ),
+            twist_covariance=_in_space(spread, (0, 1, 5)),
+        )
+
+    def _odometry(self, epoch_nanos: int, nanos: int, ticks: tuple[int, ...]) -> Odometry:
+        """Advance to a reading of the counters and return the odometry."""
+        steps, seconds = self._steps(nanos, ticks)
+        reckoning = self._reckoning
+        if isinstance(reckoning, OmniReckoning):
+            return self._omni_odometry(epoch_nanos + nanos, reckoning, steps, seconds)
+        speed, turn_rate, spread, rounding = 0.0, 0.0, np.zeros((2, 2)), np.zeros((2, 2))
+        if seconds:
             left, right = (self._travels @ np.array(steps, np.float64)).tolist()
-            way, turn, spread = self._reckoning.step(left, right, seconds)
-            from_sides = self._reckoning.from_sides
+            way, turn, spread = reckoning.step(left, right, seconds)
+            from_sides = reckoning.from_sides
             rounding = from_sides @ self._rounding @ from_sides.T
             spread = (spread + rounding) / seconds**2
             speed, turn_rate = way / seconds, turn / seconds
-        self._nanos, self._ticks = nanos, ticks
-        pose, pivot = self._reckoning.pose, self._pivot_x_m
+        pose, pivot = reckoning.pose, self._pivot_x_m
         cosine, sine = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
         along, across = pivot * cosine, pivot * sine
         rolled = np.array([[cosine, 0.0], [sine, 0.0], [0.0, 1.0]])
-        covariance = self._reckoning.covariance() + rolled @ rounding @ rolled.T
+        covariance = reckoning.covariance() + rolled @ rounding @ rolled.T
         # The wheels move the pivot; the base rotates about it.
         carried = np.array([[1.0, 0.0, across], [0.0, 1.0, -along], [0.0, 0.0, 1.0]])
         return Odometry(
@@ -183,6 +230,28 @@ class WheelOdometryModel:
             pose_covariance=_in_space(carried @ covariance @ carried.T, (0, 1, 5)),
             twist_covariance=_in_space(spread, (0, 5)),
         )
+
+
+def _omni_reckoning(
+    vehicle: Vehicle, drive: Omnidirectional, encoders: IncrementalEncoders, spec: WheelOdometry
+) -> OmniReckoning:
+    """Return the dead reckoning of a base that moves in all directions."""
+    model = vehicle.model
+    shafts, rows = model.counted, np.array(drive.rows(model.wheels))
+    radii = np.array([shaft.radius_m for shaft in shafts])
+    turn_share, _ = SKID[Omnidirectional]
+    if spec.turn_stddev_share is not None:
+        turn_share = spec.turn_stddev_share
+    believed = np.array([spec.wheel_radius_m or radius for radius in radii])
+    # The controller believes in its own radii; `track_multiplier` slows the wheels' turn alone.
+    rows = rows * (radii / believed)[:, None] * [1.0, 1.0, spec.track_multiplier or 1.0]
+    white = np.sqrt(spec.travel_stddev**2 + encoders.slip_stddev**2 * believed)
+    return OmniReckoning(
+        rows,
+        believed.tolist(),
+        travel_stddevs=white.tolist(),
+        constant_stddevs=[*[encoders.scale_stddev] * len(shafts), turn_share],
+    )
 
 
 def _in_space(covariance: Floats, rows: tuple[int, ...]) -> memoryview:

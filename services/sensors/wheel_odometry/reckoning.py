@@ -66,6 +66,10 @@ class Reckoning:
         self._constants = np.diag(np.square(constant_stddevs))
         self.pose = Reckoned()
 
+    def origin(self) -> Reckoned:
+        """Return the pose before the first step."""
+        return Reckoned()
+
     def covariance(self) -> Floats:
         """Return the pose's covariance of x, y (m) and yaw (rad), 3 x 3."""
         by_constants = np.array(self.pose.by_constants)

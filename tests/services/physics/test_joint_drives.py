@@ -11,7 +11,7 @@ from groundlink.messages.base import Command, floats, packed
 from groundlink.messages.navigation import JointState
 from groundlink.ros.cdr import reader
 from groundlink.ros.types import STORE, TYPES, header
-from groundlink.scenario.running_gear import Ackermann, SideSteered
+from groundlink.scenario.running_gear import Ackermann, Omnidirectional, SideSteered
 from groundlink.scenario.vehicle import VehicleModel
 from services.physics.simulation.simulation import Simulation
 from services.physics.trials.track import NAME, put
@@ -74,6 +74,9 @@ def by_kinematics(model: VehicleModel, linear: float, angular: float) -> JointSt
     if isinstance(drive_spec, SideSteered):
         ys = [drive_spec.track_multiplier * model.wheels[s.wheels[0]].center_m[1] for s in driven]
         speeds = [(linear - angular * y) / s.radius_m for y, s in zip(ys, driven, strict=True)]
+        return from_ros(model, names, velocity=tuple(speeds))
+    if isinstance(drive_spec, Omnidirectional):
+        speeds = [x * linear + turn * angular for x, _, turn in drive_spec.rows(model.wheels)]
         return from_ros(model, names, velocity=tuple(speeds))
     assert isinstance(drive_spec, Ackermann)
     x_axle = min(x for x, _, _ in centers.values())

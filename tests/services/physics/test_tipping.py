@@ -28,7 +28,9 @@ def sprung_deg(name: str) -> float:
 def gripping(name: str) -> VehicleModel:
     """Return a shipped vehicle that does not slide before it tips."""
     model = shipped(name)
-    return replace(model, wheels=tuple(replace(wheel, friction=3.0) for wheel in model.wheels))
+    strong = replace(model.drive, max_wheel_torque_nm=10 * model.drive.max_wheel_torque_nm)
+    wheels = tuple(replace(wheel, friction=3.0) for wheel in model.wheels)
+    return replace(model, wheels=wheels, drive=strong)
 
 
 def lean_deg(simulation: Simulation) -> float:

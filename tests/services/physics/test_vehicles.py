@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every shipped vehicle can: drive, turn, climb, stand, and stay in the world."""
 
-from math import asin, atan, degrees, radians, tan
+from math import asin, atan, degrees, radians, sin, tan
 
 import numpy as np
 import pytest
 
 from groundlink.messages.base import Command, State, encode, floats
 from groundlink.report.analysis.trials import Trial
-from groundlink.scenario.running_gear import SideSteered
+from groundlink.scenario.running_gear import Omnidirectional, SideSteered, Wheel
 from groundlink.scenario.schema import Placement
 from groundlink.world.solids import Material
 from services.physics.trials.maneuvers import climb, lean, stand, stop, straight, turn
@@ -50,8 +50,11 @@ def test_drives_straight_as_its_odometry_measures(name: str) -> None:
 def test_turns_as_it_is_asked_with_the_effective_track_of_its_drive(name: str) -> None:
     drive_spec = shipped(name).drive
     figures = passes(turn(shipped(name)))
-    multiplier = drive_spec.track_multiplier if isinstance(drive_spec, SideSteered) else 1.0
-    assert figures["effective over geometric track"] == pytest.approx(multiplier, rel=0.01)
+    if isinstance(drive_spec, Omnidirectional):
+        assert figures["turned by the wheels"] == pytest.approx(1.8, rel=0.01)
+    else:
+        multiplier = drive_spec.track_multiplier if isinstance(drive_spec, SideSteered) else 1.0
+        assert figures["effective over geometric track"] == pytest.approx(multiplier, rel=0.01)
     assert figures.get("wandered", 0.0) < 0.1
 
 
@@ -70,6 +73,13 @@ def test_climbs_a_slope_and_holds_on_it(name: str) -> None:
     assert figures["pitch"] == pytest.approx(STEEP_DEG, abs=5.0)
 
 
+def _grip_aside(wheel: Wheel) -> float:
+    """Return the friction along the axle over that of the tread; rollers grip aslant, in pairs."""
+    if wheel.rollers:
+        return abs(sin(radians(wheel.rollers.angle_deg)))
+    return wheel.axle_friction_ratio
+
+
 def test_leans_until_it_slides_or_tips(name: str) -> None:
     """Tires slide where the slope is their friction; see `test_tipping` for those that tip."""
     model = shipped(name)
@@ -78,7 +88,7 @@ def test_leans_until_it_slides_or_tips(name: str) -> None:
         assert limit.value == pytest.approx(tipping_deg(model), abs=2.5)
     else:
         assert limit.name == "slides at"
-        friction = min(wheel.friction * wheel.axle_friction_ratio for wheel in model.wheels)
+        friction = min(wheel.friction * _grip_aside(wheel) for wheel in model.wheels)
         assert limit.value == pytest.approx(degrees(atan(friction)), abs=2.5)
 
 
