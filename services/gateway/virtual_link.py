@@ -13,7 +13,8 @@ from groundlink.emulation.model import LinkDirection
 from udp_bridge import Message
 from udp_bridge.receiver.inbox import Inbox
 from udp_bridge.sender.repair import RepairTable
-from udp_bridge.sender.send_queue import QueueLimits, SendQueue
+from udp_bridge.sender.send_queue import SendQueue
+from udp_bridge.sender.waiting import QueueLimits
 from udp_bridge.wire.control import LinkReport, TopicReport
 from udp_bridge.wire.control import parse as parse_control
 from udp_bridge.wire.fragments import DatagramSize

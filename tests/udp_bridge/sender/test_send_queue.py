@@ -9,11 +9,11 @@ from udp_bridge import BadMessage, Header, Message, TooLarge, parse
 from udp_bridge.sender.repair import Fec, Mode, RepairTable, Resend
 from udp_bridge.sender.send_queue import (
     MAX_TEMPLATES,
-    SMALL_PER_TOPIC,
     OutgoingDatagram,
     SendQueue,
     take_in_turn,
 )
+from udp_bridge.sender.waiting import SMALL_PER_TOPIC
 from udp_bridge.wire.fragments import datagram_of
 from udp_bridge.wire.header import Buffer, is_stamp, restamped
 from udp_bridge.wire.message import Address, DatagramKey

@@ -15,9 +15,10 @@ from udp_bridge.receiver.delivery_log import Counters
 from udp_bridge.receiver.inbox import Inbox
 from udp_bridge.receiver.limits import Limits
 from udp_bridge.sender.delivery_counts import DeliveryCounts
-from udp_bridge.sender.flow_control import REQUEST_NANOS
+from udp_bridge.sender.flow_control import BATCH_BYTES, REQUEST_NANOS
 from udp_bridge.sender.repair import Mode, RepairTable, check_table
-from udp_bridge.sender.send_queue import OutgoingDatagram, QueueLimits, SendQueue, take_in_turn
+from udp_bridge.sender.send_queue import DirectSenders, OutgoingDatagram, SendQueue, take_in_turn
+from udp_bridge.sender.waiting import QueueLimits
 from udp_bridge.wire.address_validation import AddressChallenge, AddressResponse
 from udp_bridge.wire.control import TopicReport
 from udp_bridge.wire.fragments import DatagramSize, check_datagram_size
@@ -34,8 +35,6 @@ from .worker_thread import ErrorCounter, WorkerThread
 
 DIRECT_BYTES = 1 << 24
 """Most bytes that `send` sends itself. Handing over would cost a fifth of the rate at 16 MB."""
-_BATCH_BYTES = 1 << 21
-"""Most bytes of a batch. A small message waits for at most one batch, about 0.2 ms."""
 _WAIT_S = 0.1
 """Longest sleep of the receiving thread, and so the resolution at which messages expire."""
 
@@ -116,11 +115,10 @@ class Link:
         self._queues_by_name: Dict[Address, SendQueue] = {}  # by address as the user gave it
         self._queues: Dict[Address, SendQueue] = {}  # by numeric address
         self._turns: List[SendQueue] = []
-        self._is_sending = False
+        self._is_sending = self._is_closed = False
         self._has_more = False  # another thread queued something for the one that is sending
         self._sleeps_until_nanos = 0.0  # of the sending thread; 0 while it is awake
         self._rechecks = False  # something waits: the sending thread looks again before long
-        self._is_closed = False
         self._sent = {"sent_messages": 0, "sent_datagrams": 0, "sent_bytes": 0}
         self._trust: Callable[[Address], object] = lambda _: None
         numeric = self._queue_for(peer).to if peer is not None else None
@@ -128,9 +126,9 @@ class Link:
             socket = guard(UdpSocket(bind, receive_buffer=receive_buffer, wait_s=_WAIT_S), numeric)
             self._trust = getattr(socket, "trust", self._trust)
         self._socket = socket
-        self._send_small: Any = getattr(socket, "send_small", None)
+        self._senders = DirectSenders.of(socket)
         self._send_batch: Any = getattr(socket, "send_batch", None)
-        self._batch_bytes = _BATCH_BYTES if self._send_batch is not None else 0
+        self._batch_bytes = BATCH_BYTES if self._send_batch is not None else 0
         self._mailbox = mailbox_for(getattr(socket, "credit_store", None), self._sent)
         self._inbox = Inbox(
             receive_buffer=socket.receive_buffer,
@@ -205,12 +203,14 @@ class Link:
             queue = self._queues_by_name.get(to) or self._queue_for(to)
             datagram = None
             if not self._is_sending:
-                fields = (msg_type, topic, link, stamp_nanos, body)
-                if self._send_small is not None:
-                    size = queue.send_small_directly(self._send_small, *fields)
-                    if size:
-                        self._count_sent(size, 1, is_last=True)
-                        return
+                now_nanos, fields = time.monotonic_ns(), (msg_type, topic, link, stamp_nanos, body)
+                at_once = self._senders, self._turns, now_nanos
+                size, sent, parts = queue.send_directly(*at_once, *fields)
+                if parts:
+                    if parts > 1:
+                        self._mailbox.follow(queue, now_nanos)
+                    self._count_sent(size, sent, is_last=sent == parts)
+                    return
                 datagram = self._take_large(queue, *fields)
             if datagram is None:
                 queue.put(Message(msg_type, topic, link, stamp_nanos, 0, body))
@@ -274,15 +274,14 @@ class Link:
                 "resent": sum(queue.resender.resent for queue in queues),
                 "resend_refused": sum(queue.resender.over_budget for queue in queues),
             }
-        counts["sent_messages"] += self._inbox.socket_answers
-        counts["sent_datagrams"] += self._inbox.socket_answers
-        counts["sent_bytes"] += self._inbox.socket_answer_bytes
+        inbox = self._inbox
+        counts["sent_messages"] += inbox.socket_answers
+        counts["sent_datagrams"] += inbox.socket_answers
+        counts["sent_bytes"] += inbox.socket_answer_bytes
         counts.update(errors=self._errors.count, deaf=int(self._receiving.is_blocked))
-        counts["received_datagrams"] = self._inbox.datagrams
-        counts["received_bytes"] = self._inbox.bytes_received
-        counts.update(repaired=self.received.repaired, resend_requests=self._inbox.requests_sent)
-        counts["kernel_drops"] = self._socket.kernel_drops
-        counts.update(self.received.as_dict())
+        counts.update(received_datagrams=inbox.datagrams, received_bytes=inbox.bytes_received)
+        counts.update(repaired=self.received.repaired, resend_requests=inbox.requests_sent)
+        counts.update(kernel_drops=self._socket.kernel_drops, **self.received.as_dict())
         return counts
 
     def close(self) -> None:
@@ -431,8 +430,8 @@ class Link:
         return min((wake for wake in wakes if wake is not None), default=math.inf)
 
     def _is_idle(self) -> bool:
-        is_empty = not self._is_sending and all(queue.is_idle for queue in self._turns)
-        return self._is_closed or is_empty
+        is_busy = self._is_sending or not all(queue.is_idle for queue in self._turns)
+        return self._is_closed or not is_busy
 
     def _wait_idle(self, is_idle: Callable[[], bool], timeout_s: float) -> bool:
         with self._lock:
@@ -468,7 +467,7 @@ class Link:
                 self._wake.notify_all()
                 return
         # On one host, sending takes less time than waking a thread; over a network it may block.
-        self._send_queued(_BATCH_BYTES)
+        self._send_queued(BATCH_BYTES)
 
     def _on_request(self, sender: Address, header: Header, request: Request) -> None:
         with self._lock:
@@ -476,7 +475,7 @@ class Link:
                 now_nanos = time.monotonic_ns()
                 self._mailbox.collect(now_nanos, is_awaited=True)  # delegated parts count as sent
                 queue.resender.requested(header, request, now_nanos)
-        self._send_queued(_BATCH_BYTES)
+        self._send_queued(BATCH_BYTES)
 
     def _on_report(self, sender: Address, topic: str, report: TopicReport, nanos: int) -> None:
         with self._lock:
@@ -497,4 +496,4 @@ class Link:
                 if self._idle_waiters:
                     self._idle.notify_all()
                 return
-        self._send_queued(_BATCH_BYTES)
+        self._send_queued(BATCH_BYTES)

@@ -23,6 +23,8 @@ from .worker_thread import ErrorCounter
 _REPORT_NANOS = NANOS
 _LAST_REPORTS = 3
 """Copies of the last report, which is never repeated and may be lost."""
+_SMALL_NANOS = 200_000
+"""After this time a turn takes no more small messages."""
 BLOCKED_NANOS = 5 * NANOS
 """A turn takes at most 0.1 s unless `on_message` does not return."""
 
@@ -103,10 +105,12 @@ class ReceiveLoop:
     def _receive_many(self) -> None:
         slots, credits = self._inbox.predict_slots()
         batch = self._receive_batch(slots, credits)
-        if type(batch) is SmallMessage:
-            self._inbox.count_delivered()
+        while type(batch) is SmallMessage:
+            taken_nanos = self._inbox.count_delivered()
             self._deliver(*batch)
-            return
+            if taken_nanos > self._turn_nanos + _SMALL_NANOS or self._is_ended:
+                return
+            batch = self._receive_batch(slots, credits)  # they change no prediction
         if type(batch) is WholeMessage:
             self._inbox.take_whole(batch)
             self._deliver(batch.message, slots.sender)

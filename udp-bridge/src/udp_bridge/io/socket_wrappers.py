@@ -84,7 +84,8 @@ class PeerFilter(SocketWrapper):
         self._peers = _Peers(peers)
         self._receive_inner = inner.receive_batch
         self.use_small_topics = inner.use_small_topics  # of senders that were received before
-        self.send_small, self.send_batch = inner.send_small, inner.send_batch
+        self.send_small, self.send_large = inner.send_small, inner.send_large
+        self.send_batch = inner.send_batch
         self.credit_store = inner.credit_store
         if self.credit_store is not None:
             self.credit_store.peers = self._peers

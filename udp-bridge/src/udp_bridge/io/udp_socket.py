@@ -22,7 +22,7 @@ from udp_bridge.receiver.small_topics import (
     SmallTopics,
     WholeMessage,
 )
-from udp_bridge.sender.send_queue import OutgoingBatch, SendSmall
+from udp_bridge.sender.send_queue import OutgoingBatch, SendLarge, SendSmall
 from udp_bridge.wire.fragments import datagram_of, flat
 from udp_bridge.wire.header import PART_NUMBER_OFFSET, Buffer, is_stamp, restamped
 from udp_bridge.wire.message import Address, Message
@@ -122,6 +122,31 @@ class NativeBatches:
         """Return a function that sends messages of one part."""
         return partial(batch_io.send_small, source.fileno())
 
+    def large_sender(
+        self, source: socket.socket, count_unsent: Callable[[int], None]
+    ) -> Optional[SendLarge]:
+        """Return a function that sends messages of several parts."""
+        fd, send_large = source.fileno(), batch_io.send_large
+
+        def send(
+            to: Address,
+            packed: bytes,
+            body_size: int,
+            part_size: int,
+            parts: int,
+            number: int,
+            stamp_nanos: int,
+            body: Buffer,
+        ) -> int:
+            sent: int = send_large(
+                fd, to, packed, body_size, part_size, parts, number, stamp_nanos, body
+            )
+            if 0 <= sent < parts:
+                count_unsent(parts - sent)
+            return sent
+
+        return send
+
     def send(
         self, source: socket.socket, batch: OutgoingBatch, to: Address, retry: RetryPolicy
     ) -> int:
@@ -202,6 +227,10 @@ class PortableBatches:
 
         return send
 
+    def large_sender(self, *_: Any) -> Optional[SendLarge]:
+        """Return None: such messages are sent in batches."""
+        return None
+
     def send(
         self, source: socket.socket, batch: OutgoingBatch, to: Address, retry: RetryPolicy
     ) -> int:
@@ -252,6 +281,8 @@ class UdpSocket:
             raise OSError(error.errno, f"can't bind to {bind[0]}:{bind[1]}: {why}") from None
         self.send_small = self._batches.small_sender(self._socket)
         """See `sender.send_queue.SendSmall`."""
+        self.send_large = self._batches.large_sender(self._socket, self._count_unsent)
+        """See `sender.send_queue.SendLarge`; None without the C extension."""
         self.address: Address = self._socket.getsockname()
         self.receive_buffer: int = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
         """Bytes of the receive buffer that the kernel granted, in kernel bytes."""
@@ -299,6 +330,10 @@ class UdpSocket:
         sent = self._batches.send(self._socket, batch, to, self._may_retry)
         self.unreachable += batch.parts_count - sent
         return sent
+
+    def _count_unsent(self, count: int) -> None:
+        self._drain_errors()
+        self.unreachable += count
 
     def _may_retry(self, error_number: int) -> bool:
         if error_number != errno.ECONNREFUSED:

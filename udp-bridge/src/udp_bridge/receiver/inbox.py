@@ -189,12 +189,13 @@ class Inbox:
             one = self.receive(memoryview(batch.unmatched), batch.unmatched_sender, now_nanos)
             yield (*one, batch.unmatched_sender)
 
-    def count_delivered(self) -> None:
-        """Count the newest message that was delivered before it is recorded."""
+    def count_delivered(self) -> int:
+        """Count the newest message that is delivered before it is recorded; return its time."""
         newest = self.small_topics.delivered[-1]
         self.datagrams += newest.parts
         self.bytes_received += newest.size
         self.reassembler.counters.messages += 1
+        return newest.now_nanos
 
     def take_whole(self, whole: WholeMessage) -> None:
         """Count a message that is delivered before it is recorded."""

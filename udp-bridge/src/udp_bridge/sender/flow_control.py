@@ -14,6 +14,8 @@ from typing import Deque, List, Optional, Tuple
 from udp_bridge.wire.header import NANOS
 from udp_bridge.wire.message import DatagramKey
 
+BATCH_BYTES = 1 << 21
+"""Most bytes of a batch. A small message waits for at most one batch, about 0.2 ms."""
 DATAGRAM_OVERHEAD = 1024
 ROUNDED_UP_TO = 16384
 WINDOW_SHARE = 2

@@ -7,8 +7,8 @@ sequence number when it is sent, so a superseded message leaves no gap. No socke
 
 from __future__ import annotations
 
-from collections import OrderedDict, deque
-from typing import Callable, Deque, Dict, List, Mapping, NamedTuple, Optional, Tuple
+from collections import deque
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from udp_bridge.wire.control import CreditRequest
 from udp_bridge.wire.fragments import (
@@ -27,22 +27,35 @@ from udp_bridge.wire.numbering import Numbering
 from udp_bridge.wire.types import CONTROL, REPAIR
 
 from .delivery_counts import DeliveryCounter
-from .flow_control import FlowControl, InFlight, kernel_bytes
+from .flow_control import BATCH_BYTES, FlowControl, InFlight, kernel_bytes
 from .repair import Fec, RepairTable, Resend, repair_parts
 from .resend import HistoryEntry, QueuedResend, Resender
+from .waiting import LargeMessages, LinkKey, QueueLimits, SmallMessages
 
-SMALL_PER_TOPIC = 512
-"""Most single-part messages of a topic that wait; more than a second of a 400 Hz topic."""
 MAX_TEMPLATES = 1024
 """Most topics, with their links, whose header is kept as a template."""
 
-QueueLimits = Mapping[TopicKey, int]
-"""Body bytes of a topic's large messages that may wait; only the newest one of other topics."""
 SendSmall = Callable[[Address, bytes, int, int, int, Buffer], int]
 """Sends a message of one part at once, or not at all: destination, header of part 0, most bytes of
 the body, seq_number, stamp, body. Returns the bytes of the body, or -1."""
-_LinkKey = Tuple[int, str, str]
-"""msg_type, topic and link."""
+SendLarge = Callable[[Address, bytes, int, int, int, int, int, Buffer], int]
+"""Sends a message of several parts: destination, header of part 0, bytes of the body, part size,
+number of parts, seq_number, stamp, body. Returns how many parts the kernel took, or -1 if the body
+has another size."""
+
+_NOTHING_SENT = (0, 0, 0)
+
+
+class DirectSenders(NamedTuple):
+    """Functions of a socket that send whole messages, where it has them."""
+
+    small: Optional[SendSmall] = None
+    large: Optional[SendLarge] = None
+
+    @classmethod
+    def of(cls, socket: object) -> DirectSenders:
+        """Return those of a socket."""
+        return cls(getattr(socket, "send_small", None), getattr(socket, "send_large", None))
 
 
 class OutgoingBatch(NamedTuple):
@@ -100,67 +113,6 @@ class _Template(NamedTuple):
     resend_limit_nanos: Optional[int]
 
 
-class SmallMessages:
-    """Waiting single-part messages by order of arrival, bounded by topic."""
-
-    def __init__(self) -> None:
-        self.messages: OrderedDict[int, Message] = OrderedDict()
-        """Waiting messages by order of arrival."""
-        self._of_topic: Dict[TopicKey, Deque[int]] = {}
-        self._arrivals = 0
-
-    def put(self, message: Message) -> List[Message]:
-        """Add a message; return those that it supersedes."""
-        superseded = []
-        waiting = self._of_topic.setdefault((message.msg_type, message.topic), deque())
-        if len(waiting) >= SMALL_PER_TOPIC:
-            superseded.append(self.messages.pop(waiting.popleft()))
-        self._arrivals += 1
-        waiting.append(self._arrivals)
-        self.messages[self._arrivals] = message
-        return superseded
-
-    def pop(self) -> Message:
-        """Remove and return the oldest message."""
-        _, message = self.messages.popitem(last=False)
-        key = (message.msg_type, message.topic)
-        self._of_topic[key].popleft()
-        if not self._of_topic[key]:
-            del self._of_topic[key]
-        return message
-
-
-class LargeMessages:
-    """Waiting multi-part messages; topics take turns.
-
-    Of a topic and link only the newest message waits, or as many as fit into `limits`.
-    """
-
-    def __init__(self, limits: QueueLimits) -> None:
-        self._limits = limits
-        self.of_link: OrderedDict[_LinkKey, Deque[Message]] = OrderedDict()
-        """Waiting messages; the topic whose turn it is comes last."""
-
-    def put(self, message: Message) -> List[Message]:
-        """Add a message; return those that it supersedes."""
-        key = (message.msg_type, message.topic, message.link)
-        waiting = self.of_link.setdefault(key, deque())
-        waiting.append(message)
-        superseded = []
-        limit = self._limits.get(key[:2], 0)
-        while len(waiting) > 1 and sum(flat(one.body).nbytes for one in waiting) > limit:
-            superseded.append(waiting.popleft())
-        return superseded
-
-    def pop(self) -> Message:
-        """Remove and return the message whose turn it is."""
-        key, waiting = self.of_link.popitem(last=False)
-        message = waiting.popleft()
-        if waiting:
-            self.of_link[key] = waiting  # behind other topics
-        return message
-
-
 class SendQueue:
     """All that waits for one destination."""
 
@@ -191,7 +143,7 @@ class SendQueue:
         self._numbering = Numbering(signed_peer=signed_peer)  # of CreditRequests
         self._small = SmallMessages()
         self._large = LargeMessages(limits if limits is not None else {})
-        self._templates: Dict[_LinkKey, _Template] = {}
+        self._templates: Dict[LinkKey, _Template] = {}
         self._planned: Optional[Tuple[Message, Split]] = None  # newest result of `_plan`
         # The large message that is being sent, with its number:
         self._message: Optional[Message] = None
@@ -217,6 +169,29 @@ class SendQueue:
         for old in superseded:
             self.delivery.superseded(old)
         self.superseded += len(superseded)
+
+    def send_directly(
+        self, senders: DirectSenders, queues: Sequence[SendQueue], now_nanos: int, *fields: Any
+    ) -> Tuple[int, int, int]:
+        """Do `put` and `take` in one step for a message that has nothing to wait for.
+
+        Parameters
+        ----------
+        queues
+            The queues of all destinations. A message of several parts waits for them.
+        fields
+            Type, topic, link, stamp and body.
+
+        Returns
+        -------
+        Bytes and number of the datagrams that were sent, and number of the message's parts; zeros
+        if `put` must be used, which also validates.
+        """
+        if senders.small is not None and (size := self.send_small_directly(senders.small, *fields)):
+            return size, 1, 1
+        if senders.large is None or not all(queue.is_idle for queue in queues):
+            return _NOTHING_SENT
+        return self.send_large_directly(senders.large, now_nanos, *fields)
 
     def send_small_directly(
         self,
@@ -249,6 +224,51 @@ class SendQueue:
         self.delivery.next_number((msg_type, topic), stamp_nanos, size)
         return len(packed) + size
 
+    def send_large_directly(
+        self,
+        send: SendLarge,
+        now_nanos: int,
+        msg_type: int,
+        topic: str,
+        link: str,
+        stamp_nanos: int,
+        body: Buffer,
+    ) -> Tuple[int, int, int]:
+        """Do `put` and `take` in one step for a message that fits into the window as a whole.
+
+        Call it only when the queue is idle. Number and stamp of its topic's template change, and
+        the body must have the template's size. Returns as `send_directly`. Zeros: the message may
+        be the first of its topic, be small, have a repair mode, be too large, or be invalid.
+        """
+        template = self._templates.get((msg_type, topic, link))
+        if template is None or template.resend_limit_nanos is not None or not is_stamp(stamp_nanos):
+            return _NOTHING_SENT
+        packed, body_size, cut, _ = template
+        count, size = cut.parts_max, len(packed) + cut.part_size
+        offer_nanos = self.resender.next_offer_nanos
+        if (
+            count == 1
+            or count * size > BATCH_BYTES
+            or not self.flow.is_window_in_use
+            or self.flow.window.room(size) < count
+            or (offer_nanos is not None and offer_nanos <= now_nanos)
+        ):
+            return _NOTHING_SENT
+        key = msg_type, topic
+        number = self.delivery.upcoming(key)
+        try:
+            sent = send(self.to, packed, body_size, cut.part_size, count, number, stamp_nanos, body)
+        except (TypeError, ValueError, OverflowError, BufferError):
+            return _NOTHING_SENT
+        if sent < 0:
+            return _NOTHING_SENT
+        self.current_topic = key
+        self.delivery.next_number(key, stamp_nanos, body_size)
+        total = body_size + count * len(packed)
+        last_size = total - (count - 1) * size
+        self.flow.sent(DatagramKey(msg_type, topic, number, 0), count, size, last_size, now_nanos)
+        return total if sent == count else sent * size, sent, count
+
     def take_large_directly(
         self,
         now_nanos: int,
@@ -278,14 +298,6 @@ class SendQueue:
             return None
         number = self.delivery.next_number((msg_type, topic), stamp_nanos, view.nbytes)
         parts = Parts(restamped(packed, number, stamp_nanos), view, cut)
-        if count == cut.parts_max and limit_nanos is None:  # nothing is left to remember
-            self.current_topic = msg_type, topic
-            total = view.nbytes + count * len(packed)
-            last_size = total - (count - 1) * size
-            key = DatagramKey(msg_type, topic, number, 0)
-            self.flow.sent(key, count, size, last_size, now_nanos)
-            batch = OutgoingBatch(parts, 0, count, total)
-            return OutgoingDatagram(parts.packed, view, self.to, True, batch)
         message = Message(msg_type, topic, link, stamp_nanos, number, body)
         self._begin(message, parts, limit_nanos, now_nanos)
         return self._send_parts(parts, count, now_nanos, is_batch=True)

@@ -82,6 +82,22 @@ PyObject *send_parts(PyObject *self, PyObject *args)
     return is_right ? Py_BuildValue("ii", sent, error) : NULL;
 }
 
+// Stamp the header of part 0; return false if a header or a stamp is none.
+static int stamped(unsigned char *head, const Py_buffer *packed, unsigned int seq_number,
+                   long long stamp)
+{
+    long long nsec = (stamp % NANOS + NANOS) % NANOS, sec = (stamp - nsec) / NANOS;
+    if (packed->len < HEADER_MIN || packed->len >= HEADER_ROOM) {
+        PyErr_SetString(PyExc_ValueError, "this is no header");
+        return 0;
+    }
+    memcpy(head, packed->buf, packed->len);
+    put_u32(head + SEQ_NUMBER, seq_number);
+    put_u32(head + TIME, (uint32_t)sec);
+    put_u32(head + TIME_NSEC, (uint32_t)nsec);
+    return sec == (int32_t)sec;
+}
+
 // send_small(fd, (host, port), header of part 0, most, seq_number, stamp in ns, body) -> body bytes
 //
 // Sends a message of one part of at most `most` bytes under this number and stamp, without waiting:
@@ -101,14 +117,8 @@ PyObject *send_small(PyObject *self, PyObject *args)
                           &stamp, &body))
         return NULL;
     Py_ssize_t sent = -1, size = packed.len + body.len;
-    long long nsec = (stamp % NANOS + NANOS) % NANOS, sec = (stamp - nsec) / NANOS;
-    int is_header = packed.len >= HEADER_MIN && packed.len < HEADER_ROOM;
-    if (!is_header) PyErr_SetString(PyExc_ValueError, "this is no header");
-    if (is_header && to_address(host, port, &to) && body.len <= most && sec == (int32_t)sec) {
-        memcpy(head, packed.buf, packed.len);
-        put_u32(head + SEQ_NUMBER, seq_number);
-        put_u32(head + TIME, (uint32_t)sec);
-        put_u32(head + TIME_NSEC, (uint32_t)nsec);
+    if (stamped(head, &packed, seq_number, stamp) && to_address(host, port, &to) &&
+        body.len <= most) {
         struct iovec io[2] = {{head, packed.len}, {body.buf, body.len}};
         struct msghdr message = {.msg_name = &to, .msg_namelen = sizeof to, .msg_iov = io,
                                  .msg_iovlen = 2};
@@ -120,7 +130,46 @@ PyObject *send_small(PyObject *self, PyObject *args)
     return PyErr_Occurred() ? NULL : PyLong_FromSsize_t(size);
 }
 
+// send_large(fd, (host, port), header of part 0, bytes of the body, part size, number of parts,
+// seq_number, stamp in ns, body) -> number of parts sent
+//
+// Sends a message of several parts under this number and stamp. -1: nothing was sent, because the body
+// has another size. A part that the kernel does not take is tried twice.
+PyObject *send_large(PyObject *self, PyObject *args)
+{
+    int fd, port, count, next = 0, sent = 0, error = 0, is_again = 0;
+    const char *host;
+    unsigned int seq_number;
+    long long stamp;
+    Py_ssize_t body_size;
+    Py_buffer packed, body;
+    unsigned char head[HEADER_ROOM];
+    struct parts parts;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "i(si)y*nniILy*", &fd, &host, &port, &packed, &body_size,
+                          &parts.size, &count, &seq_number, &stamp, &body))
+        return NULL;
+    parts.packed = head, parts.packed_size = packed.len;
+    parts.body = body.buf, parts.body_size = body.len;
+    int is_right = body.len == body_size && stamped(head, &packed, seq_number, stamp) &&
+                   lies_in_body(&parts, 0, count) && to_address(host, port, &parts.to);
+    if (is_right) {
+        Py_BEGIN_ALLOW_THREADS;
+        while (next < count) {
+            int some = send_range(fd, &parts, next, count - next, &error);
+            sent += some;
+            is_again = error && !(is_again && !some); // it may report an earlier datagram
+            next += some + (error && !is_again);
+        }
+        Py_END_ALLOW_THREADS;
+    }
+    PyBuffer_Release(&packed);
+    PyBuffer_Release(&body);
+    return PyErr_Occurred() ? NULL : PyLong_FromLong(is_right ? sent : -1);
+}
+
 static PyMethodDef methods[] = {
+    {"send_large", send_large, METH_VARARGS, "Send a message of several parts."},
     {"send_small", send_small, METH_VARARGS, "Send a message of one part."},
     {"send", send_parts, METH_VARARGS, "Send parts of a message."},
     {"receive", receive, METH_VARARGS, "Receive predicted parts, and one other datagram."},
