@@ -27,7 +27,7 @@ from typing import Any
 import yaml
 from rich.console import Console
 
-from groundlink.bus.core_topics import FREQUENT_HZ, HEALTH, PHYSICS, STATE
+from groundlink.bus.core_topics import HEALTH, PHYSICS, STATE, is_passed_locally
 from groundlink.bus.inbox import BusInbox
 from groundlink.bus.session import Bus
 from groundlink.cli.terminal.tables import Column, FittingTable
@@ -35,7 +35,7 @@ from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.loader.overrides import add_argument, forwarded
-from groundlink.messages.base import BusMessage, Health, State, decode, measured_nanos
+from groundlink.messages.base import Health, State, measured_nanos
 from groundlink.monitor.process_commands import free_endpoint
 from groundlink.ros.streams import outgoing
 from groundlink.scenario import Scenario
@@ -57,6 +57,7 @@ SPACING_M = 1.5
 LEAST_FACTOR = 0.98
 """Real-time factor below which ages say nothing."""
 
+INBOX_MESSAGES = 4096
 TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 LEFT_OUT = ("missed_ticks", "bus_dropped", "gap_")
 """Prefixes of the counters of what a process has lost or left out."""
@@ -244,44 +245,26 @@ def costs(root: int, reports: HealthReports, seconds: float) -> dict[str, Any]:
     }
 
 
-class ArrivalTimes(BusInbox[BusMessage]):
-    """Messages with the wall time at which they came."""
-
-    def __init__(self, names: Mapping[str, str]) -> None:
-        super().__init__(depth=1)
-        self._names = names
-        self._arrived: list[tuple[str, int, bytes, type[BusMessage]]] = []
-
-    def put(self, key: str, payload: bytes, message_type: type[BusMessage]) -> None:
-        """Store a message's bytes and the time."""
-        self._arrived.append((self._names[key], time.time_ns(), payload, message_type))
-
-    def ages_ms(self) -> dict[str, list[float]]:
-        """Return the ages of the messages of each stream, as `percentiles`."""
-        ages: defaultdict[str, list[float]] = defaultdict(list)
-        for name, nanos, payload, message_type in self._arrived:
-            message = decode(payload, message_type)
-            if isinstance(message, State):
-                stamp = message.epoch_nanos + message.sim_nanos
-            else:
-                stamp = measured_nanos(message)
-            ages[name].append((nanos - stamp) / 1e6)
-        return {name: percentiles(values) for name, values in ages.items()}
-
-
 def bus_ages(endpoint: str, scenario: Scenario) -> dict[str, list[float]]:
     """Return the ages of states and streams at a subscriber of the bus, as `percentiles`."""
     streams = outgoing(scenario, RUN)
     states = STATE.key_in(RUN)
-    arrivals = ArrivalTimes({states: STATE.name} | {row.key: row.topic for row in streams})
+    names = {states: STATE.name} | {row.key: row.topic for row in streams}
+    ages_ms: defaultdict[str, list[float]] = defaultdict(list)
     with Bus(connect=endpoint, observer=True) as bus:
-        bus.subscribe_local(states, State, arrivals)
-        for stream in streams:
-            is_frequent = (stream.declared_hz or 0.0) > FREQUENT_HZ
-            subscribe = bus.subscribe_local if is_frequent else bus.subscribe
-            subscribe(stream.key, stream.message, arrivals)
-        time.sleep(PROBE_SECONDS)
-    return arrivals.ages_ms()
+        inbox = bus.local_inbox(depth=INBOX_MESSAGES)
+        bus.subscribe_local(states, State, inbox)
+        for row in streams:
+            if is_passed_locally(scenario.time.mode, row.declared_hz, bulky=row.bulky):
+                bus.subscribe_local(row.key, row.message, inbox)
+            else:
+                bus.subscribe(row.key, row.message, inbox)
+        deadline = time.monotonic() + PROBE_SECONDS
+        while (left := deadline - time.monotonic()) > 0:
+            if arrived := inbox.get(seconds=left):
+                key, message = arrived
+                ages_ms[names[key]].append((time.time_ns() - measured_nanos(message)) / 1e6)
+    return {name: percentiles(values) for name, values in ages_ms.items()}
 
 
 def percentiles(values: Sequence[float]) -> list[float]:

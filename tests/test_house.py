@@ -212,8 +212,8 @@ def loaded_by(*modules: str) -> dict[str, str]:
     ("modules", "most"),
     [
         (("services.router.__main__",), 25),
-        (("services.sensors.imu.__main__", "services.sensors.imu.model"), 104),
-        (("services.gateway.__main__",), 165),
+        (("services.sensors.imu.__main__", "services.sensors.imu.model"), 107),
+        (("services.gateway.__main__",), 167),
     ],
     ids=["router", "imu", "gateway"],
 )

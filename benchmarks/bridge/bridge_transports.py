@@ -15,11 +15,11 @@ import msgspec
 from groundlink.bus.core_topics import HEALTH
 from groundlink.bus.queries import scenario_key
 from groundlink.bus.session import Bus
-from groundlink.bus.topics import STREAM_TOPICS
+from groundlink.bus.topics import SENSOR_TOPICS
 from groundlink.loader import load
 from groundlink.monitor.process_commands import free_endpoint
-from groundlink.scenario.ros_side import Stream
 from groundlink.scenario.schema import Scenario
+from services.sensors.depth_camera.spec import DepthCamera
 from udp_bridge import Link, Message
 from udp_bridge.sender.repair import Mode
 from udp_bridge.wire.control import LinkReport, parse
@@ -144,18 +144,24 @@ class UdpBridge:
 
 
 class BusTransport:
-    """A sensor's process, Zenoh with its router, the gateway's process, the node's process."""
+    """A sensor's process, the gateway's process, the node's process.
 
-    name = "from the bus"
+    Parameters
+    ----------
+    way
+        `local`, as between processes of one machine, or `router`, by Zenoh alone.
+    """
+
     began_nanos = 0
 
-    def __init__(self) -> None:
+    def __init__(self, way: str = "local") -> None:
+        self.name = {"local": "from the bus", "router": "by a router"}[way]
         with ExitStack() as stack:
             self._receiver = stack.enter_context(closing(python(RECEIVERS, "node")))
             peer = f"{LOCALHOST}:{self._receiver.number()}"
             run, endpoint = joined_gateway(stack, _with_camera(load(_ROOM)), peer)
-            key = STREAM_TOPICS["image"].key_in(run, vehicle=_VEHICLE, sensor=_CAMERA)
-            sensor = python("benchmarks.bridge.sensor", endpoint, key)
+            key = SENSOR_TOPICS["depth_camera"].key_in(run, vehicle=_VEHICLE, sensor=_CAMERA)
+            sensor = python("benchmarks.bridge.sensor", endpoint, key, way)
             self._sensor = stack.enter_context(closing(sensor))
             reach(lambda: self.send(1000, _JOIN_S))
             self._all = stack.pop_all()
@@ -199,7 +205,8 @@ def reach(send: Callable[[], object]) -> None:
 
 def _with_camera(scenario: Scenario) -> Scenario:
     """Return a scenario with one vehicle, which has a camera and nothing else."""
-    camera = Stream(name=_CAMERA, kind="image", topic=TOPIC, rate_hz=10.0)
     (vehicle,) = scenario.vehicles
-    vehicle = msgspec.structs.replace(vehicle, name=_VEHICLE, sensors=(), streams=(camera,))
+    fields = {"kind": "depth_camera", "name": _CAMERA, "topic": TOPIC, "frame": "camera"}
+    camera = msgspec.convert(fields | {"rate_hz": 10.0}, DepthCamera)
+    vehicle = msgspec.structs.replace(vehicle, name=_VEHICLE, sensors=(camera,), streams=())
     return msgspec.structs.replace(scenario, vehicles=(vehicle,))

@@ -7,8 +7,9 @@ order is random, because a transport leaves work (caches, memory to free) to the
 
 import random
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing
+from functools import partial
 from pathlib import Path
 
 from benchmarks.claims import BenchmarkResult, Claim
@@ -31,7 +32,11 @@ def run(quick: bool, folder: Path, rosbridge: Path | None = None) -> BenchmarkRe
     rows, claims = [], []
     with ExitStack() as stack:
         transports: list[Transport] = []
-        for make in (UdpBridge, BusTransport, lambda: CProgram(folder), Tcp, RosSharp):
+        makers: tuple[Callable[[], Transport], ...] = (
+            *(UdpBridge, BusTransport, partial(BusTransport, "router")),
+            *(partial(CProgram, folder), Tcp, RosSharp),
+        )
+        for make in makers:
             transports.append(stack.enter_context(closing(make())))
         if rosbridge is not None:
             transports.append(stack.enter_context(closing(Rosbridge(rosbridge))))

@@ -15,13 +15,17 @@ WAKE_SECONDS = 0.1
 """Longest wait of a reader."""
 
 
+Payload = bytes | memoryview
+"""Bytes of a message, perhaps in shared memory."""
+
+
 class PayloadSource(Protocol):
     """Where the payloads of one key come from, for one reading thread."""
 
-    def receive(self) -> bytes:
+    def receive(self) -> Payload:
         """Return the next payload; an empty one if none has come for `WAKE_SECONDS` or less."""
 
-    def poll(self) -> bytes | None:
+    def poll(self) -> Payload | None:
         """Return the next payload that has come, which may be empty; None if there is none."""
 
     def undeclare(self) -> None:
@@ -42,7 +46,7 @@ class BusChannel(Generic[M]):
         """Messages that did not match their schema."""
 
         self._source, self._message_type = source, message_type
-        self._waiting: deque[bytes] = deque(maxlen=depth)
+        self._waiting: deque[Payload] = deque(maxlen=depth)
 
     def __len__(self) -> int:
         """Return how many messages have come."""

@@ -65,7 +65,16 @@ STATE = BusTopic(
 )
 FREQUENT_HZ = 50.0
 """Rate above which a stream is frequent. In real time, sensors with frequent readings get each
-state at once, and processes of one machine pass frequent streams without the router."""
+state at once."""
+
+
+def is_passed_locally(time_mode: str, rate_hz: float, *, bulky: bool) -> bool:
+    """Return whether processes of one machine pass readings without the router.
+
+    Where physics waits for others, the router keeps the order of all messages.
+    """
+    return time_mode == "realtime" and (bulky or rate_hz > FREQUENT_HZ)
+
 
 BATCH_TICKS = 4
 """Ticks between two batches of states: 10 ms. Half as many would save half as much. Without a wall

@@ -12,6 +12,11 @@ from typing import Generic
 
 from groundlink.messages.base import BadBusMessage, M, decode
 
+from .channel import Payload
+
+WaitingMessage = tuple[str, Payload, type[M]]
+"""Key, bytes and type."""
+
 
 class BusInbox(Generic[M]):
     """A queue of messages of one or more keys, with one reading thread.
@@ -32,8 +37,8 @@ class BusInbox(Generic[M]):
 
         self.last_refusal = ""
         # A condition would wake the reader before it can have the interpreter's lock.
-        self._waiting: queue.SimpleQueue[tuple[str, bytes, type[M]]] = queue.SimpleQueue()
-        self._first: tuple[str, bytes, type[M]] | None = None
+        self._waiting: queue.SimpleQueue[WaitingMessage[M]] = queue.SimpleQueue()
+        self._first: WaitingMessage[M] | None = None
         """Oldest message, if the reader has waited for it and not yet taken it."""
 
         self._dropping = threading.Lock()
@@ -46,7 +51,7 @@ class BusInbox(Generic[M]):
         """Messages dropped because the queue was full."""
         return self.dropped_of.total()
 
-    def put(self, key: str, payload: bytes, message_type: type[M]) -> None:
+    def put(self, key: str, payload: Payload, message_type: type[M]) -> None:
         """Store a message's bytes."""
         if self._waiting.qsize() >= self.depth:
             self._drop_oldest()
@@ -66,7 +71,7 @@ class BusInbox(Generic[M]):
         if self._first is None:
             self._first = self._take(seconds)
 
-    def _take(self, seconds: float) -> tuple[str, bytes, type[M]] | None:
+    def _take(self, seconds: float) -> WaitingMessage[M] | None:
         try:
             return self._waiting.get(timeout=max(seconds, 0.0))
         except queue.Empty:

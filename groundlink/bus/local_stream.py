@@ -1,30 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Local streams: frequent small messages between processes of one machine, without the router.
+"""Local streams: messages between processes of one machine, without the router.
 
 A publisher offers its messages at a Unix socket and announces the socket on the bus. A subscriber
 that can connect takes its messages there. One that cannot, on another machine or in another
 container, gets the same messages by the router. On the way of a message are one thread and one
-context switch instead of five and eight.
+context switch instead of five and eight. Large messages are in shared memory (`shared_slots`); the
+socket says where.
 """
 
 import os
 import queue
 import secrets
+import select
 import socket
 import struct
 import threading
+import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from .channel import WAKE_SECONDS, PayloadSource
+from groundlink.messages.base import LARGE_BYTES
+
+from .channel import WAKE_SECONDS, Payload, PayloadSource
+from .shared_slots import Pieces, SlotPool, SlotReader, SocketFrame, is_frame
+from .zenoh_config import ROUTER_WAIT_SECONDS
 
 QUEUED = 4096
 """Messages that wait for a receiver that is too slow for its socket; then the oldest is dropped."""
 
-LARGEST_BYTES = 1 << 17
-"""Largest message, for which a socket's default buffer has room. A stream ends with a larger one,
-and the router takes over."""
+RETRY_MILLIS = 1
+"""Time between two looks for a free slot."""
 
+_FILE = struct.Struct("i")
+_BESIDE_BYTES = socket.CMSG_SPACE(_FILE.size)
+"""Room for a file descriptor beside a message of a socket."""
 
 _TIMEOUT = struct.pack("ll", 0, round(WAKE_SECONDS * 1e6))
 
@@ -41,29 +50,77 @@ def _is_own(peer: socket.socket) -> bool:
     return bool(uid == os.getuid())
 
 
+def _files_in(beside: Sequence[tuple[int, int, bytes]]) -> list[int]:
+    """Return the file descriptors that came beside a message."""
+    return [
+        file
+        for level, kind, data in beside
+        if (level, kind) == (socket.SOL_SOCKET, socket.SCM_RIGHTS)
+        for (file,) in _FILE.iter_unpack(data)
+    ]
+
+
 class _Receiver:
-    """The connection to one subscriber. Sending never waits."""
+    """The connection to one subscriber.
+
+    Sending waits only for a free slot for a large message, as long as a router would wait for the
+    receiver; then the connection is closed.
+    """
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
-        self._queue: deque[bytes] = deque(maxlen=QUEUED)
+        self._pool = SlotPool()
+        self._queue: deque[SocketFrame] = deque()
         self._lock = threading.Lock()
         self._is_draining = False
         self.is_gone = False
 
-    def send(self, payload: bytes) -> None:
+    def send(self, pieces: Pieces) -> None:
+        if sum(map(len, pieces)) <= LARGE_BYTES:
+            self._send(SocketFrame(b"".join(pieces)))
+        elif (frame := self._written(pieces)) is not None:
+            self._send(frame)
+        else:
+            self.close()
+
+    def _written(self, pieces: Pieces) -> SocketFrame | None:
+        """Write a message into a slot; return its frame, or None if that is not possible."""
+        deadline, end_of_it = 0.0, select.poll()
+        try:
+            while (frame := self._pool.write(pieces)) is None:
+                if not deadline:
+                    deadline = time.monotonic() + ROUTER_WAIT_SECONDS
+                    end_of_it.register(self._connection, 0)
+                if end_of_it.poll(RETRY_MILLIS) or time.monotonic() > deadline:
+                    return None
+        except OSError:  # no memory, or no file descriptors
+            return None
+        return frame
+
+    def _send(self, frame: SocketFrame) -> None:
         with self._lock:
             if self._is_draining:
-                self._queue.append(payload)
+                if len(self._queue) == QUEUED:
+                    self._pool.withdraw(self._queue.popleft())
+                self._queue.append(frame)
                 return
             try:
-                self._connection.send(payload, socket.MSG_DONTWAIT)
+                self._pass(frame, socket.MSG_DONTWAIT)
             except BlockingIOError:
-                self._queue.append(payload)
+                self._queue.append(frame)
                 self._is_draining = True
                 threading.Thread(target=self._drain, daemon=True).start()
             except OSError:
                 self.close()
+
+    def _pass(self, frame: SocketFrame, flags: int = 0) -> None:
+        payload, file = frame
+        if file is None:
+            self._connection.send(payload, flags)
+        else:
+            # `send_fds` of Python 3.11 ignores flags, as does `recv_fds`.
+            files = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, _FILE.pack(file))]
+            self._connection.sendmsg([payload], files, flags)
 
     def _drain(self) -> None:
         """Send what waits, as fast as the receiver takes it."""
@@ -72,9 +129,9 @@ class _Receiver:
                 if not self._queue:
                     self._is_draining = False
                     return
-                payload = self._queue.popleft()
+                frame = self._queue.popleft()
             try:
-                self._connection.send(payload)
+                self._pass(frame)
             except OSError:
                 self.close()
                 return
@@ -82,6 +139,10 @@ class _Receiver:
     def close(self) -> None:
         self.is_gone = True
         self._connection.close()
+
+    def free(self) -> None:
+        """Close the slots of a connection that is closed."""
+        self._pool.close()
 
 
 class LocalStream:
@@ -98,33 +159,32 @@ class LocalStream:
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._listener.bind(_address(self.name))
         self._listener.listen()
-        self._listener.setblocking(False)
+        self._offers = select.poll()
+        self._offers.register(self._listener, select.POLLIN)
         self._receivers: list[_Receiver] = []
 
-    def send(self, payload: bytes) -> None:
-        """Send a message to all that have connected."""
-        if len(payload) > LARGEST_BYTES:
-            self.undeclare()
-        try:
+    def send(self, *pieces: bytes | memoryview) -> None:
+        """Send a message, in pieces, to all that have connected."""
+        if self._offers.poll(0):
             connection, _ = self._listener.accept()
-        except OSError:
-            pass  # nobody has connected, or the stream has ended
-        else:
-            connection.setblocking(True)
             if _is_own(connection):
                 self._receivers.append(_Receiver(connection))
             else:
                 connection.close()
         for receiver in self._receivers:
-            receiver.send(payload)
-        if any(receiver.is_gone for receiver in self._receivers):
-            self._receivers = [each for each in self._receivers if not each.is_gone]
+            receiver.send(pieces)
+        for receiver in [each for each in self._receivers if each.is_gone]:
+            receiver.free()
+            self._receivers.remove(receiver)
 
     def undeclare(self) -> None:
         """Close all connections."""
+        self._offers = select.poll()
         self._listener.close()
         for receiver in self._receivers:
             receiver.close()
+            receiver.free()
+        self._receivers.clear()
 
 
 class LocalSource:
@@ -144,7 +204,8 @@ class LocalSource:
         self._routed: PayloadSource | None = declare()
         self._offered: queue.SimpleQueue[socket.socket] = queue.SimpleQueue()
         self._local: socket.socket | None = None
-        self._ahead: deque[bytes] = deque(maxlen=QUEUED)
+        self._slots = SlotReader()
+        self._ahead: deque[Payload] = deque(maxlen=QUEUED)
         """Messages of the socket that the router has still to deliver, or that are next."""
 
         self._is_cut_off = False
@@ -164,15 +225,20 @@ class LocalSource:
         else:
             connection.close()
 
+    @property
+    def connection(self) -> socket.socket | None:
+        """The socket by which messages come; None if by the router."""
+        return self._local if self._routed is None and not self._ahead else None
+
     def cut_off(self) -> None:
         """Leave the publisher: the router is lost, and with it the rest of the run."""
         self._is_cut_off = True
 
-    def receive(self) -> bytes:
+    def receive(self) -> Payload:
         """Return the next payload; an empty one if none has come for `WAKE_SECONDS` or less."""
         return self._next(0) or b""
 
-    def poll(self) -> bytes | None:
+    def poll(self) -> Payload | None:
         """Return the next payload that has come; None if there is none."""
         return self._next(socket.MSG_DONTWAIT)
 
@@ -186,7 +252,7 @@ class LocalSource:
             elif source is not None:
                 source.undeclare()
 
-    def _next(self, flags: int) -> bytes | None:
+    def _next(self, flags: int) -> Payload | None:
         if self._routed is not None:
             self._is_cut_off = False
             payload = self._routed.poll() if flags else self._routed.receive()
@@ -195,30 +261,37 @@ class LocalSource:
             return payload
         return self._ahead.popleft() if self._ahead else self._taken(flags)
 
-    def _taken(self, flags: int) -> bytes | None:
-        """Return the next payload of the socket; at its end, go back to the router."""
+    def _taken(self, flags: int) -> Payload | None:
+        """Return the next payload of the socket; at its end, go back to the router.
+
+        So it does at a message whose slot it cannot read.
+        """
         assert self._local is not None
-        payload = b""
+        payload: Payload = b""
         if not self._is_cut_off:
             try:
-                payload = self._local.recv(LARGEST_BYTES, flags)
+                payload, beside, _, _ = self._local.recvmsg(LARGE_BYTES, _BESIDE_BYTES, flags)
             except BlockingIOError:
                 return None
             except OSError:
                 pass  # the publisher was killed
+            else:
+                if is_frame(payload):
+                    payload = self._slots.payload(payload, _files_in(beside)) or b""
         if not payload:
             self._local.close()
-            self._local = None
+            self._local, self._slots = None, SlotReader()
             if self._routed is None:
                 self._routed = self._declare()
         return payload or None
 
-    def _join(self, routed: PayloadSource, payload: bytes) -> None:
+    def _join(self, routed: PayloadSource, payload: Payload) -> None:
         """Change to the socket if it has had this payload of the router, too."""
         while not self._offered.empty():
             if self._local is not None:
                 self._local.close()
             self._local = self._offered.get()
+            self._slots = SlotReader()
             self._ahead.clear()
         while self._local is not None and (taken := self._taken(socket.MSG_DONTWAIT)):
             self._ahead.append(taken)

@@ -105,6 +105,12 @@ class PipeBus(Bus):
     def flush(self) -> None:
         """Do nothing: readers of the pipe wait for all of it."""
 
+    def reading_publisher(
+        self, key: str, delivery: Delivery, *, bulky: bool = False, local: bool = False
+    ) -> Callable[[BusMessage], object]:
+        """Return a function that writes messages under `key`."""
+        return self.publisher(key, delivery)
+
     def serve_content(self, key: str, answer: Callable[[str, bytes], list[bytes]]) -> None:
         """Ignore the call; nobody asks."""
 

@@ -19,13 +19,14 @@ import zenoh
 import zenoh.ext
 
 from groundlink.core.errors import DeafSession, UserError
-from groundlink.messages.base import BusMessage, M, encode
+from groundlink.messages.base import BusMessage, M, encode, encode_in_pieces
 
 from . import zenoh_config
 from .channel import WAKE_SECONDS, BusChannel, PayloadSource
 from .core_topics import ROUTER_KEY, Delivery
 from .credentials import from_environment
 from .inbox import BusInbox
+from .local_inbox import LocalInbox, StoredPayloads
 from .local_stream import LocalSource, LocalStream
 
 REPLIES_KEPT = 4096
@@ -176,16 +177,9 @@ class Bus:
             use the low-priority queues of large messages. Also for messages that must not overtake
             those.
         """
-        publisher = self._session.declare_publisher(
-            key,
-            congestion_control=_CONGESTION_CONTROL[delivery],
-            priority=zenoh.Priority.DATA_LOW if bulky else zenoh.Priority.DATA,
-        )
-        self._declared.append(publisher)
+        publisher = self._declare_publisher(key, delivery, bulky=bulky)
         if local and not self._is_secured:
-            stream = LocalStream()
-            self._declared.append(stream)
-            self.announce(f"{key}/{_LOCAL}/{stream.name}")
+            stream = self._local_stream(key)
 
             def publish_locally(message: BusMessage) -> bytes:
                 payload = encode(message)
@@ -218,6 +212,46 @@ class Bus:
         while self._held:
             publisher, payload = self._held.popleft()
             publisher.put(payload)
+
+    def _declare_publisher(self, key: str, delivery: Delivery, *, bulky: bool) -> zenoh.Publisher:
+        publisher = self._session.declare_publisher(
+            key,
+            congestion_control=_CONGESTION_CONTROL[delivery],
+            priority=zenoh.Priority.DATA_LOW if bulky else zenoh.Priority.DATA,
+        )
+        self._declared.append(publisher)
+        return publisher
+
+    def _local_stream(self, key: str) -> LocalStream:
+        """Return a local stream whose socket has been announced."""
+        stream = LocalStream()
+        self._declared.append(stream)
+        self.announce(f"{key}/{_LOCAL}/{stream.name}")
+        return stream
+
+    def reading_publisher(
+        self, key: str, delivery: Delivery, *, bulky: bool = False, local: bool = False
+    ) -> Callable[[BusMessage], object]:
+        """Return a function that publishes messages of any size under `key`.
+
+        Parameters
+        ----------
+        local
+            as for `publisher`. A message is passed to the router only if somebody has subscribed to
+            it there.
+        """
+        if not local or self._is_secured:
+            return self.publisher(key, delivery, bulky=bulky)
+        publisher = self._declare_publisher(key, delivery, bulky=bulky)
+        stream = self._local_stream(key)
+
+        def publish(message: BusMessage) -> None:
+            pieces = encode_in_pieces(message)
+            stream.send(*pieces)  # first: see `LocalSource`
+            if publisher.matching_status.matching:  # type: ignore[attr-defined]
+                publisher.put(b"".join(pieces))
+
+        return publish
 
     @property
     def identity(self) -> str:
@@ -279,32 +313,54 @@ class Bus:
 
     def _source(self, key: str, depth: int, *, local: bool) -> PayloadSource:
         """Return the payloads under a key; of a secured bus, all by its router."""
-        source: PayloadSource
+
+        def declare() -> PayloadSource:
+            return _RoutedSource(self._session, key, depth)
+
         if local and not self._is_secured:
-            source = local_source = LocalSource(lambda: _RoutedSource(self._session, key, depth))
-            prefix = f"{key}/{_LOCAL}/"
-
-            def found(token: str, is_there: bool) -> None:
-                if is_there:
-                    local_source.found(token.removeprefix(prefix))
-
-            self._local_sources.append(local_source)
-            self.watch(f"{prefix}*", found)
-        else:
-            source = _RoutedSource(self._session, key, depth)
+            return self._local_source(key, declare)
+        source = declare()
         self._declared.append(source)
         return source
 
-    def subscribe_local(self, key: str, message_type: type[M], inbox: BusInbox[M]) -> None:
-        """Put messages under `key` into `inbox`; without the router from this machine."""
-        source, ended = self._source(key, inbox.depth, local=True), threading.Event()
+    def _local_source(self, key: str, declare: Callable[[], PayloadSource]) -> LocalSource:
+        """Return the payloads under a key, of a local stream once one is found."""
+        source = LocalSource(declare)
+        prefix = f"{key}/{_LOCAL}/"
 
-        def hand_over() -> None:
-            while not ended.is_set():
-                if payload := source.receive():
-                    inbox.put(key, payload, message_type)
+        def found(token: str, is_there: bool) -> None:
+            if is_there:
+                source.found(token.removeprefix(prefix))
 
-        self._declared.append(_Reader(hand_over, ended))
+        self._local_sources.append(source)
+        self.watch(f"{prefix}*", found)
+        self._declared.append(source)
+        return source
+
+    def local_inbox(self, *, depth: int) -> LocalInbox[Any]:
+        """Return an inbox for `subscribe_local`."""
+        inbox: LocalInbox[Any] = LocalInbox(depth=depth)
+        self._declared.append(inbox)
+        return inbox
+
+    def subscribe_local(self, key: str, message_type: type[M], inbox: LocalInbox[M]) -> None:
+        """Put messages under `key` into `inbox`; without the router from this machine.
+
+        Call it in the thread that reads the inbox.
+        """
+        if self._is_secured:
+            self.subscribe(key, message_type, inbox)
+            return
+
+        def subscribe(store: Callable[[bytes], None]) -> zenoh.Subscriber[None]:
+            return self._session.declare_subscriber(
+                key, lambda sample: store(sample.payload.to_bytes())
+            )
+
+        def declare() -> PayloadSource:
+            return StoredPayloads(subscribe, inbox.wake, depth=inbox.depth)
+
+        inbox.add(key, message_type, self._local_source(key, declare))
 
     def subscribe_in_order(
         self, key: str, type_of: Callable[[str], type[M] | None], inbox: BusInbox[M]
@@ -409,19 +465,6 @@ class _RoutedSource:
         self._ended.set()
         self._timer.join()
         self._subscriber.undeclare()  # type: ignore[no-untyped-call]
-
-
-class _Reader:
-    """A thread that reads a source until it is told to end."""
-
-    def __init__(self, read: Callable[[], None], ended: threading.Event) -> None:
-        self._ended = ended
-        self._thread = threading.Thread(target=read, daemon=True)
-        self._thread.start()
-
-    def undeclare(self) -> None:
-        self._ended.set()
-        self._thread.join()
 
 
 def _explained(problem: str, connect: str | None, listen: str | None) -> str:

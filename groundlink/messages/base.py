@@ -7,10 +7,14 @@ error. Stamps are instants of measurement in nanoseconds: the run's epoch plus s
 ranges are in `imagery`; poses, maps and transforms are in `navigation`.
 """
 
+import os
+import struct
+from copy import copy
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 import numpy as np
+from msgspec.structs import force_setattr
 from numpy.typing import NDArray
 
 from groundlink.core.fields import Quaternion, Vector3
@@ -332,6 +336,12 @@ class Health(BusMessage, frozen=True):
 
 M = TypeVar("M", bound=BusMessage)
 
+LARGE_BYTES = 1 << 16
+"""Size above which an array is a piece of its own, and a message is passed by shared memory."""
+
+_PLACEHOLDER = memoryview(os.urandom(16))
+_ENCODED_PLACEHOLDER = msgspec.msgpack.encode(_PLACEHOLDER)
+_BIN32, _BIN32_MARK = struct.Struct(">BI"), 0xC6
 _ENCODER = msgspec.msgpack.Encoder()
 _DECODERS: dict[type[BusMessage], msgspec.msgpack.Decoder[Any]] = {}
 
@@ -339,6 +349,22 @@ _DECODERS: dict[type[BusMessage], msgspec.msgpack.Decoder[Any]] = {}
 def encode(message: BusMessage) -> bytes:
     """Return a message as MessagePack."""
     return _ENCODER.encode(message)
+
+
+def encode_in_pieces(message: BusMessage) -> tuple[bytes | memoryview, ...]:
+    """Return a message as MessagePack in pieces, of which a large array is one, not copied."""
+    large = [
+        name
+        for name in message.__struct_fields__
+        if isinstance(array := getattr(message, name), memoryview) and len(array) > LARGE_BYTES
+    ]
+    if not large:
+        return (encode(message),)
+    around = copy(message)
+    force_setattr(around, large[0], _PLACEHOLDER)
+    before, _, after = encode(around).partition(_ENCODED_PLACEHOLDER)
+    array = getattr(message, large[0])
+    return before + _BIN32.pack(_BIN32_MARK, len(array)), array, after
 
 
 def decode(payload: bytes | memoryview, message_type: type[M]) -> M:

@@ -11,8 +11,10 @@ from functools import partial
 from itertools import chain
 from typing import Any
 
+import numpy as np
 from rosbags.serde import SerdeError
 
+from groundlink.bus.shared_slots import RoomAround, room_around
 from groundlink.messages.base import BadBusMessage, BusMessage, M, Relayed
 from groundlink.scenario.joints import JointInterface
 from groundlink.scenario.sensor_kinds import load_reference, sensor_kinds
@@ -26,6 +28,8 @@ Body = bytes | bytearray | memoryview
 
 Reader = Callable[[Body, int], BusMessage]
 """Converts a body and the run's time to a message of the bus. Raises BadBusMessage."""
+
+_NO_DATA = np.zeros(0, np.uint8)
 
 _FAMILIES = (motion, points, imagery, navigation, diagnostics)
 
@@ -67,11 +71,33 @@ def to_cdr(message: BusMessage) -> memoryview:
     try:
         if codec.pack is not None:
             return memoryview(codec.pack(message))
-        return STORE.serialize_cdr(TYPES[codec.ros_type](**codec.encode(message)), codec.ros_type)
+        fields = codec.encode(message)
+        if codec.ros_type in _BYTES_BEHIND_DATA and (room := room_around(fields["data"])):
+            return _around_data(codec.ros_type, fields, room)
+        return STORE.serialize_cdr(TYPES[codec.ros_type](**fields), codec.ros_type)
     except (struct.error, SerdeError, OverflowError) as error:
         raise BadBusMessage(
             f"no {codec.ros_type} holds this {type(message).__name__}: {error}"
         ) from None
+
+
+_BYTES_BEHIND_DATA = {
+    "sensor_msgs/msg/Image": 0,
+    "sensor_msgs/msg/CompressedImage": 0,
+    "sensor_msgs/msg/PointCloud2": 1,
+}
+"""Types that end with `uint8[] data`, or with a bool behind it: how many bytes follow."""
+
+_LENGTH = struct.Struct("<I")
+
+
+def _around_data(ros_type: str, fields: dict[str, Any], room: RoomAround) -> memoryview:
+    """Return CDR that is written around the data, where the message of the bus was."""
+    size = len(fields["data"])
+    around = STORE.serialize_cdr(TYPES[ros_type](**fields | {"data": _NO_DATA}), ros_type)
+    end_of_head = len(around) - _BYTES_BEHIND_DATA[ros_type]
+    head = bytes(around[: end_of_head - _LENGTH.size]) + _LENGTH.pack(size)
+    return room.enclose(head, bytes(around[end_of_head:]))
 
 
 def from_cdr(cdr: bytes | memoryview, message_type: type[M], moment: Moment) -> M:

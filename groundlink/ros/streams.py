@@ -76,6 +76,9 @@ class Outgoing(RosStream):
     push: bool
     """Whether the gateway sends the stream to its peer without a subscription."""
 
+    bulky: bool = False
+    """See `BusTopic.bulky`."""
+
     repair: Repair = "none"
     in_blocks: tuple[Vehicle, RotatingLidar] | None = None
     """Vehicle and LiDAR, if the stream is a LiDAR's with revolutions in blocks."""
@@ -220,6 +223,7 @@ def _of_vehicle(scenario: Scenario, vehicle: Vehicle, run: str) -> Iterator[Outg
             topic=topic,
             declared_hz=rate_hz,
             push=spec.push,
+            bulky=row.bulky,
             repair=spec.repair,
             in_blocks=_in_blocks(vehicle, spec),
         )

@@ -12,15 +12,16 @@ from typing import NamedTuple
 from groundlink.bus.control_client import ask_world, send_command
 from groundlink.bus.core_topics import (
     ACK,
-    FREQUENT_HZ,
     GATEWAY,
     HEALTH,
     PHYSICS,
     ROOT,
     STATE,
     Delivery,
+    is_passed_locally,
 )
 from groundlink.bus.inbox import BusInbox
+from groundlink.bus.local_inbox import LocalInbox
 from groundlink.bus.queries import history_key, link_key
 from groundlink.bus.session import Bus
 from groundlink.messages.base import Ack, BusMessage, Clock, Health, State, decode
@@ -56,7 +57,7 @@ class BusSession:
 
     def __init__(self, bus: Bus, run: str, claim: NameClaim) -> None:
         self.bus, self.run, self._claim = bus, run, claim
-        self.inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_MESSAGES)
+        self.inbox: LocalInbox[BusMessage] = bus.local_inbox(depth=INBOX_MESSAGES)
         self.acknowledge = bus.publisher(ACK.key_in(run, process=GATEWAY), ACK.delivery)
         self.run_commands = RequestQueue(
             partial(execute_run_command, partial(send_command, bus, run)), backlog=self.inbox
@@ -107,10 +108,13 @@ class BusSession:
             for key, stream in gateway.streams.items():
                 if key not in self._types:
                     self._types[key] = stream.message
-                    is_frequent = (stream.declared_hz or 0.0) > FREQUENT_HZ
-                    is_local = is_frequent and scenario.time.mode == "realtime"
-                    subscribe = self.bus.subscribe_local if is_local else self.bus.subscribe
-                    subscribe(key, stream.message, self.inbox)
+                    is_local = is_passed_locally(
+                        scenario.time.mode, stream.declared_hz, bulky=stream.bulky
+                    )
+                    if is_local:
+                        self.bus.subscribe_local(key, stream.message, self.inbox)
+                    else:
+                        self.bus.subscribe(key, stream.message, self.inbox)
             return
         is_first = not self._types
         self._types |= {key: stream.message for key, stream in gateway.streams.items()}

@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from functools import partial
 from typing import Any
 
-from groundlink.bus.core_topics import ACK, FREQUENT_HZ
+from groundlink.bus.core_topics import ACK, FREQUENT_HZ, is_passed_locally
 from groundlink.bus.queries import faults_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import FAULTS, MISSING_READINGS, sensor_outputs
@@ -190,9 +190,12 @@ def follower(
     # progress has also received its readings. In real time nobody waits for them in this order.
     publisher = partial(bus.publisher, bulky=kind.bulky)
     publish = {
-        output.name: publisher(
+        output.name: bus.reading_publisher(
             *(output.row.key_in(run_name, **names), output.row.delivery),
-            local=is_urgent and not kind.bulky,
+            bulky=kind.bulky,
+            local=is_passed_locally(
+                scenario.time.mode, spec.message_rate_hz, bulky=output.row.bulky
+            ),
         )
         for output in sensor_outputs(spec)
     }

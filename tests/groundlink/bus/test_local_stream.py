@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Local streams: nothing is lost or repeated when messages change their way."""
 
+import os
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -9,7 +11,9 @@ from typing import Any
 import pytest
 
 from groundlink.bus.channel import WAKE_SECONDS
-from groundlink.bus.local_stream import LARGEST_BYTES, LocalSource, LocalStream
+from groundlink.bus.local_stream import ROUTER_WAIT_SECONDS, LocalSource, LocalStream
+from groundlink.bus.shared_slots import MOST_SLOTS
+from groundlink.messages.base import LARGE_BYTES
 
 
 class Routed:
@@ -162,17 +166,67 @@ def test_a_receiver_that_has_gone_is_forgotten(make: Make) -> None:
     assert not stream._receivers
 
 
-def test_a_message_that_is_too_large_ends_the_stream(make: Make) -> None:
-    stream, subscriber, late = make(LocalStream), make(Subscriber), make(Subscriber)
+def large(number: int) -> bytes:
+    return bytes([number]) * (LARGE_BYTES + 1)
+
+
+def test_large_and_small_messages_keep_their_order(make: Make) -> None:
+    stream, subscriber = make(LocalStream), make(Subscriber)
     join(stream, subscriber)
-    large = bytes(LARGEST_BYTES + 1)
-    stream.send(large)
+    sent = [large(1), b"2", large(3), large(4), b"5"]
+    for payload in sent:
+        stream.send(payload[:1], memoryview(payload)[1:])
+    assert subscriber.take() == sent
+
+
+def test_the_change_to_the_socket_finds_large_messages(make: Make) -> None:
+    stream, subscriber = make(LocalStream), make(Subscriber)
+    subscriber.source.found(stream.name)
+    for number in range(10):
+        stream.send(large(number))
+    subscriber.routed[0].come.extend([large(0), large(1)])
+    assert subscriber.take() == [large(number) for number in range(10)]
+    assert not subscriber.routed[0].is_declared
+
+
+def test_a_receiver_that_is_stopped_is_left_to_the_router(
+    make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("groundlink.bus.local_stream.ROUTER_WAIT_SECONDS", 0.01)
+    stream, subscriber = make(LocalStream), make(Subscriber)
+    join(stream, subscriber)
+    for number in range(MOST_SLOTS + 2):
+        stream.send(large(number))
+    assert not stream._receivers
+    assert subscriber.take() == [large(number) for number in range(MOST_SLOTS)]
+    assert subscriber.routed[-1].is_declared
+
+
+def test_the_end_of_a_receiver_ends_the_wait_for_its_slots(make: Make) -> None:
+    stream, subscriber = make(LocalStream), make(Subscriber)
+    join(stream, subscriber)
+    ending = threading.Timer(0.05, subscriber.source.undeclare)
+    ending.start()
+    begun = time.monotonic()
+    for number in range(MOST_SLOTS + 1):
+        stream.send(large(number))
+    ending.join()
+    assert not stream._receivers
+    assert time.monotonic() - begun < ROUTER_WAIT_SECONDS
+
+
+def test_without_memory_for_slots_the_router_takes_over(
+    make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> int:
+        raise OSError
+
+    stream, subscriber = make(LocalStream), make(Subscriber)
+    join(stream, subscriber)
+    monkeypatch.setattr(os, "memfd_create", fail)
+    stream.send(large(1))
     assert subscriber.take() == []
-    late.source.found(stream.name)
-    for one in (subscriber, late):
-        one.routed[-1].come.append(large)
-        stream.send(large)
-        assert one.take() == [large]
+    assert subscriber.routed[-1].is_declared
 
 
 def test_who_is_cut_off_from_the_router_gets_nothing_until_both_are_back(make: Make) -> None:

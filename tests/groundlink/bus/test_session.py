@@ -125,7 +125,7 @@ def test_a_channel_has_all_messages_in_order(endpoint: str) -> None:
 
 def test_local_messages_come_once_and_in_order_whether_by_the_router_or_not(endpoint: str) -> None:
     with Bus(connect=endpoint) as sender, Bus(connect=endpoint) as receiver:
-        inbox: BusInbox[Clock] = BusInbox(depth=10_000)
+        inbox = receiver.local_inbox(depth=10_000)
         receiver.subscribe_local(KEY, Clock, inbox)
         publish = sender.publisher(KEY, Delivery.ALL, local=True)
         publish_until_heard(publish, Clock(0, 0, -1, 0), inbox)

@@ -159,6 +159,25 @@ def test_they_come_back_as_they_went(message: BusMessage) -> None:
     assert encode(decode(payload, type(message))) == payload
 
 
+LARGE = packed(np.arange(22 * messages.LARGE_BYTES, dtype=np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("message", "pieces"),
+    [
+        (messages.PointCloud(8, "lidar", LARGE, layout="ouster", clock_error_nanos=5), 3),
+        (imagery.Image(10, "camera", 1, 3, "rgb8", len(LARGE), LARGE), 3),
+        (messages.PointCloud(8, "lidar", packed(POINTS)), 1),
+        (STATE, 1),
+    ],
+)
+def test_pieces_are_those_of_the_message(message: BusMessage, pieces: int) -> None:
+    found = messages.encode_in_pieces(message)
+    assert len(found) == pieces
+    assert b"".join(found) == encode(message)
+    assert pieces == 1 or found[1].obj is LARGE.obj, "the array was copied"  # type: ignore[union-attr]
+
+
 def test_arrays_are_read_in_place() -> None:
     payload = encode(messages.PointCloud(8, "lidar", packed(POINTS)))
     cloud = decode(payload, messages.PointCloud)

@@ -3,6 +3,7 @@
 
 import json
 import math
+import os
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -14,16 +15,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from groundlink.bus.shared_slots import SharedBlock, SlotPool, SlotReader
 from groundlink.messages.base import (
+    LARGE_BYTES,
+    POINT,
     BadBusMessage,
     BusMessage,
     Clock,
     Command,
     Imu,
+    PointCloud,
     Relayed,
+    decode,
+    encode_in_pieces,
     packed,
 )
-from groundlink.messages.imagery import Range
+from groundlink.messages.imagery import CompressedImage, Image, Range
 from groundlink.messages.navigation import JointState, OccupancyGrid, Odometry, PoseStamped
 from groundlink.ros.cdr import READERS, ROS_CODECS, reader, to_cdr
 from groundlink.ros.types import STORE, TYPES
@@ -70,6 +77,32 @@ def test_what_a_codec_packs_is_what_the_type_store_writes(
     written = STORE.serialize_cdr(TYPES[codec.ros_type](**codec.encode(message)), codec.ros_type)
     assert codec.pack is not None
     assert codec.pack(message) == bytes(written)
+
+
+PIXELS = packed(np.arange(2 * LARGE_BYTES, dtype=np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("message", "in_place"),
+    [
+        (Image(10, "a camera", 1, len(PIXELS), "mono8", len(PIXELS), PIXELS), True),
+        (CompressedImage(10, "c", "jpeg", PIXELS), True),
+        (PointCloud(8, "lidar", packed(np.zeros(9000, POINT)), clock_error_nanos=1), True),
+        (PointCloud(8, "lidar", packed(np.zeros(9000, POINT)), layout="ouster"), False),
+        (OccupancyGrid(1, "map", 1, 1.0, 512, 256, (0, 0, 0), (0, 0, 0, 1), PIXELS), False),
+    ],
+)
+def test_large_arrays_in_shared_memory_are_not_copied(message: BusMessage, in_place: bool) -> None:
+    frame = SlotPool().write(encode_in_pieces(message))
+    assert frame is not None
+    assert frame.file is not None
+    payload = SlotReader().payload(frame.content, [os.dup(frame.file)])
+    assert payload is not None
+    received = decode(payload, type(message))
+    for _ in range(2):
+        cdr = to_cdr(received)
+        assert cdr == to_cdr(message)
+        assert isinstance(cdr.obj, SharedBlock) == in_place
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
