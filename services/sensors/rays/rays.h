@@ -75,6 +75,7 @@ struct ray_world {
     const struct node *nodes;      /* of the tree of boxes that hold a body on its whole way */
     const int32_t *order;
     const struct terrain *terrain; /* or NULL */
+    const struct box *still;       /* around the static world's triangles, and the terrain */
     int32_t steps, bodies;
 };
 
@@ -156,7 +157,9 @@ void groundlink_meet_terrain(const struct terrain *terrain, struct rays *rays);
 int32_t groundlink_terrain_label(const struct terrain *terrain, int32_t triangle,
                                  double normal[3]);
 
-/* Meet all bodies that some packets may meet; in `bodies.c`. */
-void groundlink_meet_bodies(const struct ray_world *around, struct rays *rays, int packets);
+/* Meet all bodies that some packets, which are within a beam, may meet; in `bodies.c`. */
+struct beam;
+void groundlink_meet_bodies(const struct ray_world *around, const struct beam *beam,
+                            struct rays *rays, int packets);
 
 #endif

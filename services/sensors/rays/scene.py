@@ -55,7 +55,7 @@ class _RayWorld(ctypes.Structure):
     _fields_ = (
         *((name, c_void_p) for name in ("intersect", "scenes")),
         *((name, c_void_p) for name in ("vertices", "faces", "first_triangle", "first_label")),
-        *((name, c_void_p) for name in ("poses", "boxes", "nodes", "order", "terrain")),
+        *((name, c_void_p) for name in ("poses", "boxes", "nodes", "order", "terrain", "still")),
         *((name, c_int) for name in ("steps", "bodies")),
     )
 
@@ -106,6 +106,8 @@ class Scene:
         for box, mesh in zip(self._boxes, bodies, strict=True):
             if len(mesh.vertices):
                 box[:] = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        corners = static.vertices, np.empty((0, 3)) if terrain is None else terrain.corners
+        self._still: Reals = np.stack([_box_around(points) for points in corners])
         self._hits: dict[tuple[int, ...], Hits] = {}
         self.move(np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (2, len(bodies), 1)))
 
@@ -155,7 +157,7 @@ class Scene:
             ctypes.addressof(self._scenes),
             *(array.ctypes.data for array in (*known, *moved)),
             None if self._terrain is None else ctypes.addressof(self._terrain.structure),
-            *self._poses.shape[:2],
+            *(self._still.ctypes.data, *self._poses.shape[:2]),
         )
         rays = [np.ascontiguousarray(array, np.float32) for array in (origins, directions, times)]
         ends = hits.range_m, hits.normal_in_world, hits.label, hits.body
@@ -163,3 +165,13 @@ class Scene:
 
         kernels().groundlink_trace(ctypes.byref(around), times.size, max_range, *addresses)
         return hits
+
+
+def _box_around(points: NDArray[np.floating]) -> Reals:
+    """Return the lowest and the highest corner of a box around points, shape (N, 3).
+
+    It is wider than the points by more than the rounding of rays, and inside out without points.
+    """
+    margin = 1e-3 + 1e-5 * np.abs(points).max(initial=0)
+    low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
+    return np.array([low - margin, high + margin], np.float32)

@@ -39,6 +39,8 @@ class Relief:
     Attributes
     ----------
     structure : ctypes.Structure
+    corners : float64 array, shape (2, 3)
+        Lowest and highest, in the world.
     """
 
     def __init__(self, ground: Ground, *, first_label: int) -> None:
@@ -47,6 +49,8 @@ class Relief:
         addresses = [(c_void_p * len(of))(*(level.ctypes.data for level in of)) for of in pyramids]
         self._kept = ground, pyramids, addresses
         highest, deepest = (float(levels[-1][0, 0]) for levels in pyramids)
+        ends = ground.x0_m + ground.cell_m * (columns - 1), ground.y0_m + ground.cell_m * (rows - 1)
+        self.corners = np.array([(ground.x0_m, ground.y0_m, -deepest), (*ends, highest)])
         self.structure = _Terrain(
             *(ground.heights.ctypes.data, ground.surface.ctypes.data),
             (c_void_p * 2)(*map(ctypes.addressof, addresses)),

@@ -10,9 +10,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "rays.h"
+#include "beam.h"
 
-/* For so many together it is found out which bodies they may meet. */
+/* For so many together it is found out what they may meet. */
 #define PACKETS 8
 
 /* A ray that nearly lies in a triangle's plane meets the plane far from the triangle. The engine's
@@ -118,6 +118,18 @@ static INLINED void meet_exactly(const struct ray_world *around, const struct ra
     }
 }
 
+/* Let the lanes of a packet meet nothing. */
+static INLINED void meet_nothing(struct met *met)
+{
+    EACH_LANE {
+        met->range[lane] = INFINITY;
+        met->label[lane] = -1;
+        met->body[lane] = STATIC;
+        for (int axis = 0; axis < 3; axis++)
+            met->reported_normal[axis][lane] = 0;
+    }
+}
+
 /* Read the values of some lanes; those beyond get the last one's. */
 static INLINED void load(const float *from, size_t lanes, float to[LANES])
 {
@@ -157,12 +169,11 @@ static INLINED void set_steps(const struct ray_world *around, struct rays *rays)
         rays->together &= rays->before[lane] == rays->before[0];
 }
 
-/* Start 8 rays from `first` on, or as many as there are, and meet the static world. */
-static INLINED void meet_world(const struct ray_world *around, size_t count, size_t first,
-                               float max_range, const float *origins, const float *directions,
-                               const float *times, struct rays *rays)
+/* Start 8 rays from `first` on, or as many as there are. */
+static INLINED void start(const struct ray_world *around, size_t count, size_t first,
+                          float max_range, const float *origins, const float *directions,
+                          const float *times, struct rays *rays)
 {
-    static const int32_t all[LANES] __attribute__((aligned(64))) = {-1, -1, -1, -1, -1, -1, -1, -1};
     struct packet *world = &rays->world;
     const size_t lanes = count - first < LANES ? count - first : LANES;
     for (int axis = 0; axis < 3; axis++) {
@@ -173,18 +184,35 @@ static INLINED void meet_world(const struct ray_world *around, size_t count, siz
     for (size_t lane = 0; lane < LANES; lane++)
         world->far[lane] = lane < lanes ? max_range : -INFINITY; /* no ray, no work */
     set_steps(around, rays);
+    EACH_LANE {
+        rays->triangle[lane] = -1;
+        rays->body[lane] = STATIC;
+    }
+}
+
+/* Meet the triangles of the static world. */
+static INLINED void meet_world(const struct ray_world *around, struct rays *rays)
+{
+    static const int32_t all[LANES] __attribute__((aligned(64))) = {-1, -1, -1, -1, -1, -1, -1, -1};
+    struct packet *world = &rays->world;
     find(around, 0, all, world);
     EACH_LANE {
         const int hit = world->ids[GEOMETRY][lane] != -1;
         rays->triangle[lane] = hit ? world->ids[TRIANGLE][lane] : -1;
         world->ids[GEOMETRY][lane] = -1;
-        rays->body[lane] = STATIC;
     }
     EACH_LANE
         if (rays->triangle[lane] >= 0) /* `fetch` needs it when bodies have been met */
             __builtin_prefetch(&around->faces[rays->triangle[lane]]);
-    if (around->terrain)
-        groundlink_meet_terrain(around->terrain, rays);
+}
+
+/* Tell whether any ray of a packet met anything. */
+static INLINED int is_met(const struct rays *rays)
+{
+    int32_t all = -1;
+    EACH_LANE
+        all &= rays->triangle[lane];
+    return all >= 0;
 }
 
 /* Have the corners of the triangles that were met at hand when `meet_exactly` needs them. */
@@ -211,16 +239,27 @@ VECTORIZED void groundlink_trace(const struct ray_world *around, size_t count, f
     for (size_t begin = 0; begin < count;) {
         int packets = 0;
         for (size_t first = begin; first < count && packets < PACKETS; first += LANES)
-            meet_world(around, count, first, max_range, origins, directions, times,
-                       &group[packets++]);
-        if (around->bodies)
-            groundlink_meet_bodies(around, group, packets);
+            start(around, count, first, max_range, origins, directions, times, &group[packets++]);
+        struct beam beam = beam_of(group, packets);
+        if (entered(&around->still[0], &beam))
+            for (int packet = 0; packet < packets; packet++)
+                meet_world(around, &group[packet]);
+        if (around->terrain && entered(&around->still[1], &beam))
+            for (int packet = 0; packet < packets; packet++)
+                groundlink_meet_terrain(around->terrain, &group[packet]);
+        if (around->bodies) {
+            beam.far = farthest(group, packets);
+            groundlink_meet_bodies(around, &beam, group, packets);
+        }
         for (int packet = 0; packet < packets; packet++)
             fetch(around, &group[packet]);
         for (int packet = 0; packet < packets; packet++) {
             const size_t lanes = count - begin < LANES ? count - begin : LANES;
             struct met met;
-            meet_exactly(around, &group[packet], max_range, &met);
+            if (is_met(&group[packet]))
+                meet_exactly(around, &group[packet], max_range, &met);
+            else
+                meet_nothing(&met);
             store(met.range, lanes, range + begin);
             store(met.label, lanes, labels + begin);
             store(met.body, lanes, bodies + begin);
