@@ -40,6 +40,14 @@ def history_key(run: str) -> str:
     return f"{ROOT}/{run}/state/history"
 
 
+def ruts_key(run: str) -> str:
+    """Return the key of ruts by their digest, as parameter in hexadecimal. Served by physics.
+
+    The replies, joined, are tiles (see `world.ruts`). Physics keeps the ruts of its last states.
+    """
+    return f"{ROOT}/{run}/ruts"
+
+
 def journal_key(run: str) -> str:
     """Return the key of a run's journal (see `run.journal`). Served by physics.
 

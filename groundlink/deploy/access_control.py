@@ -18,6 +18,7 @@ from groundlink.bus.queries import (
     history_key,
     journal_key,
     link_key,
+    ruts_key,
     scenario_key,
     world_query_key,
 )
@@ -52,7 +53,7 @@ ALL = f"{ROOT}/**"
 _EXTRA_QUERIES = {OPERATOR: ["operate"], "gateway": ["control"]}
 """Additional query rules; the gateway sends run commands of ROS."""
 
-_PUBLIC_QUERIES = (scenario_key, asset_key, history_key, journal_key)
+_PUBLIC_QUERIES = (scenario_key, asset_key, history_key, journal_key, ruts_key)
 _CONTROL_QUERIES = (control_key, world_query_key)
 
 _SUBSCRIBE = ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]

@@ -18,6 +18,7 @@ from msgspec.structs import force_setattr
 from numpy.typing import NDArray
 
 from groundlink.core.fields import Quaternion, Vector3
+from groundlink.world.ruts import TILE
 
 Int64 = Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)]
 
@@ -112,6 +113,24 @@ class VehicleState(msgspec.Struct, frozen=True):
         return floats(self.link_poses).reshape(-1, 7)
 
 
+class Ruts(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Ruts of a terrain at a tick, and how they have changed since the tick before."""
+
+    digest: bytes
+    """Of their content, see `groundlink.world.ruts`."""
+
+    before: bytes = b""
+    """Digest of the ruts in which `tiles` are new or replace others; left out without tiles."""
+
+    tiles: memoryview = memoryview(b"")
+    """Records of 520 bytes: the tile's row (north) times the number of tiles in a row, plus its
+    column (east), int64; 16 x 16 depths by row and column, uint16, 0.1 mm. Vertices are at most
+    0.05 m from each other and divide the cells of the map; the first one is the map's."""
+
+    def __post_init__(self) -> None:
+        whole(self.tiles, TILE.itemsize, "tiles")
+
+
 class State(BusMessage, frozen=True):
     """Ground truth of a run at one tick, from physics; 400 ticks per second of sim time."""
 
@@ -129,6 +148,9 @@ class State(BusMessage, frozen=True):
     vehicles: dict[str, VehicleState]
     actors: memoryview = memoryview(b"")
     """float64, rows of x, y, z (m), qx, qy, qz, qw: world_from_actor, in the scenario's order."""
+
+    ruts: Ruts | msgspec.UnsetType = msgspec.UNSET
+    """Left out while there are none."""
 
     def __post_init__(self) -> None:
         whole(self.actors, 7 * 8, "actors")
@@ -156,6 +178,7 @@ class EncodedState(BusMessage, frozen=True):
     world_hash: str
     vehicles: msgspec.Raw
     actors: memoryview
+    ruts: Ruts | msgspec.UnsetType = msgspec.UNSET
 
 
 class Clock(BusMessage, frozen=True):

@@ -14,19 +14,21 @@ grid in x and y, and (lowest + highest) / 2 in z. Bullet takes at most 2,097,152
 larger fields without an error.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from io import BytesIO
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
-from msgspec import Meta
+from msgspec import Meta, UnsetType
 from numpy.typing import ArrayLike, NDArray
 
 from groundlink.core.fields import Positive, Spec, Vector3
 from groundlink.core.frames import Floats
 from groundlink.world import assets
 from groundlink.world.assets import Digest, MissingAsset
+from groundlink.world.solids import Material
 
 D = TypeVar("D", bound=np.generic)
 
@@ -65,6 +67,10 @@ class Terrain(Spec, frozen=True, kw_only=True):
     materials: Annotated[tuple[str, ...], Meta(min_length=1, max_length=256)]
     """Names of the materials, by the numbers in `surface`."""
 
+    def is_soft(self, materials: Mapping[str, Material]) -> bool:
+        """Return whether some of it is of soil, in which ruts stay."""
+        return any(not isinstance(materials[name].soil, UnsetType) for name in self.materials)
+
 
 @dataclass(frozen=True, eq=False)
 class Ground:
@@ -82,6 +88,12 @@ class Ground:
 
     y0_m: float
     materials: tuple[str, ...]
+
+    @property
+    def grid(self) -> tuple[tuple[int, int], float, float, float]:
+        """Rows and columns of vertices, cell and first vertex, as `RutGrid` takes them."""
+        rows, columns = self.heights.shape
+        return (rows, columns), self.cell_m, self.x0_m, self.y0_m
 
     def height_at(self, x_m: ArrayLike, y_m: ArrayLike) -> Floats:
         """Return the triangles' z at points of the world; NaN beside the map."""

@@ -36,6 +36,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {
     "steering_joint_turn": (None, c_void_p, c_double, c_double),
     "vehicle_torques": (None, c_void_p, c_void_p),
     "vehicles_touch": (c_size_t, c_void_p, c_size_t, c_void_p, c_void_p),
+    "vehicles_press": (None, c_void_p, c_size_t, c_void_p),
     "vehicles_roll": (None, c_void_p, c_size_t),
     "vehicles_spring": (None, c_void_p, c_size_t),
     "vehicles_sense": (None, c_void_p, c_size_t),

@@ -52,6 +52,7 @@ from groundlink.world.actors import EntityDescription
 from groundlink.world.solids import Solid
 from services.physics.dynamics.backend import Pose, Twist
 from services.physics.simulation.simulation import Simulation, SimulationMemory
+from services.physics.soil.ruts import PressedRuts, RutHistory
 
 from .entities import NO_ENTITIES, EntityMemory, EntityRegistry
 from .ground_truth import BodyTruth, VehicleTruth, map_truth
@@ -129,6 +130,7 @@ class Episode:
         # Processes continue from acknowledgements that may be older than a period.
         kept = HISTORY_TICKS + 2 * (self._checkpoint_ticks or 0)
         self._history: deque[bytes] = deque(maxlen=kept)
+        self._rut_history = RutHistory(self.ruts, kept) if self.ruts else None
         self._entries: list[bytes] = []
         self._acks: dict[str, Ack] = {}
         self._predecessors: set[str] = set()
@@ -320,6 +322,15 @@ class Episode:
             case Commanded() | WheelsCommanded() | JointsCommanded():
                 self._apply(entry)
 
+    @property
+    def ruts(self) -> PressedRuts | None:
+        """The ruts of its terrain; None without soft terrain."""
+        return self._simulation.ruts
+
+    def ruts_with(self, digest: bytes) -> bytes | None:
+        """Return the tiles of recent ruts with a digest; None for unknown ones."""
+        return self._rut_history.with_digest(digest) if self._rut_history else None
+
     def journal(self, left_out: int = 0) -> Journal:
         """Return a journal to restore this episode from, without its first entries.
 
@@ -432,7 +443,10 @@ class Episode:
         if tick % VITALS_TICKS == 0:
             for vitals in simulation.vitals(self.epoch_nanos + nanos):
                 publish.vitals[vitals.vehicle](vitals)
-        state = EncodedState(*header, msgspec.Raw(simulation.encoded_states()), actors)
+        ruts = UNSET if self.ruts is None else self.ruts.at(tick)
+        if self._rut_history is not None:
+            self._rut_history.take(ruts)
+        state = EncodedState(*header, msgspec.Raw(simulation.encoded_states()), actors, ruts)
         self._history.append(publish.state(state))
 
     def _publish_truth(self, state: State) -> None:

@@ -27,6 +27,7 @@ class HealthMonitor:
         self._missing: BusInbox[MissingReadings] = BusInbox(depth=256)
         self._health: BusInbox[Health] = BusInbox(depth=256)
         self._shortfalls: ShortfallMonitor | None = None
+        self._is_told_of_ruts = False
         self._scenario: Scenario | None = None
         self._declared_hz: dict[str, float] = {}
         if time.mode == "realtime":
@@ -36,10 +37,11 @@ class HealthMonitor:
             bus.subscribe(MISSING_READINGS.key_in(run), MissingReadings, self._missing)
 
     def counters(self, episode: Episode, now_seconds: float) -> dict[str, int]:
-        """Return the real-time factor since the last call, and all stalls."""
+        """Return the real-time factor since the last call, all stalls, and the tiles of ruts."""
         factor = self._factor.since_last(episode.tick, now_seconds)
         stalls = self._stall_policy.stalls(episode.pacer).counters()
-        return {"real_time_permille": round(1e3 * (factor or 0.0))} | stalls
+        ruts = {"rut_tiles": episode.ruts.count} if episode.ruts else {}
+        return {"real_time_permille": round(1e3 * (factor or 0.0))} | stalls | ruts
 
     def check(self, episode: Episode, now_seconds: float) -> list[str]:
         """Return log lines, at each step or attempt of one; see `StallPolicy.check`.
@@ -55,7 +57,13 @@ class HealthMonitor:
         lines = self._stall_policy.check(
             pacer, episode.tick + 1, now_seconds, holding=pacer.holding
         )
-        return lines + self._check_shortfalls(episode, now_seconds)
+        return [*lines, *self._check_shortfalls(episode, now_seconds), *self._check_ruts(episode)]
+
+    def _check_ruts(self, episode: Episode) -> list[str]:
+        if self._is_told_of_ruts or episode.ruts is None or not episode.ruts.is_full:
+            return []
+        self._is_told_of_ruts = True
+        return [f"terrain: {episode.ruts.count} tiles of ruts are full; further ruts do not stay"]
 
     def _check_shortfalls(self, episode: Episode, now_seconds: float) -> list[str]:
         if self._shortfalls is None:
@@ -87,7 +95,8 @@ class HealthMonitor:
             self._shortfalls.pause()
 
     def reset(self) -> None:
-        """Forget stalls: a new episode begins."""
+        """Forget stalls and ruts: a new episode begins."""
+        self._is_told_of_ruts = False
         self._stall_policy.reset()
         if self._shortfalls is not None:
             self._shortfalls.pause()

@@ -19,6 +19,7 @@ from groundlink.bus.queries import (
     control_key,
     history_key,
     journal_key,
+    ruts_key,
     scenario_key,
     world_query_key,
 )
@@ -109,6 +110,7 @@ class PhysicsServer:
         bus.serve_content(control_key(run), self.control.answer)
         bus.serve_content(world_query_key(run), WorldQueryAnswers(self).answer)
         bus.serve(journal_key(run), self._journal_of)
+        bus.serve(ruts_key(run), self._ruts_of)
         asset_exchange.serve(bus, run, self._scenario)
         bus.serve(scenario_key(run), self._scenario_of)
 
@@ -138,6 +140,14 @@ class PhysicsServer:
         with suppress(UserError):
             found = self.control.between_ticks(lambda: self._archive.journal(self.episode, asked))
             return [] if found is None else parts(dumped(found))
+        return []
+
+    def _ruts_of(self, digest: str) -> list[bytes]:
+        """Return the tiles of ruts with a digest, in parts."""
+        with suppress(UserError, ValueError):
+            asked = bytes.fromhex(digest)
+            found = self.control.between_ticks(lambda: self.episode.ruts_with(asked))
+            return [] if found is None else parts(found)
         return []
 
     def counters(self, now_seconds: float) -> dict[str, int]:

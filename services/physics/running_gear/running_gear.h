@@ -23,12 +23,15 @@ struct soil_wheel {
     const struct soil_table *const *tables; /* of each soil, forward and backward */
     const struct soil_wheel *leaders[2];    /* that press the soil before it, likewise; or NULL */
     double apart[2];
-    double width, digging, spring, firm_ratio;
+    double width, digging, deepest, spring, firm_ratio;
     double travel, stop; /* of its spring: beyond the first it is as stiff as the second */
     int32_t swivels;
     double tread, rut, slip, sinkage;
     double drag, drag_force;
     double soil, under; /* number of the soil in the last tick and in this one, or FIRM */
+    double mapped;      /* whether that is terrain, whose ruts stay */
+    /* Of ruts in the terrain before it: their depth, and how far before it that is. */
+    double ahead, ahead_m;
 };
 
 struct shaft {

@@ -29,26 +29,27 @@ static void set_axle_ratio(struct tire *tire, double ratio)
 void groundlink_soil_wheel_leave(struct soil_wheel *wheel)
 {
     wheel->soil = FIRM;
-    wheel->slip = wheel->rut = wheel->drag = wheel->drag_force = 0.0;
+    wheel->slip = wheel->rut = wheel->drag = wheel->drag_force = wheel->mapped = 0.0;
     wheel->sinkage = wheel->sinkage < SHALLOW_M ? 0.0 : wheel->sinkage * (1.0 - SETTLING);
 }
 
-/* Let the rut before this wheel become that of the wheel before it, over the way between the two;
- * a rut is a share of the wheel's own sinkage in untouched soil. */
-static void follow(struct soil_wheel *wheel, const struct soil_table *table, double slip,
-                   double load, double forward, double left)
+/* Let the rut before this wheel become that of the wheel before it or of the terrain, whichever is
+ * deeper, over the way to there; a rut is a share of the wheel's own sinkage in untouched soil. */
+static void follow(struct soil_wheel *wheel, double fresh, double forward, double left)
 {
     int back = forward < 0.0;
     const struct soil_wheel *leader = wheel->leaders[back];
     double way = fabs(forward) * TICK_SECONDS, apart = wheel->apart[back], share = 0.0;
-    if (!leader || way == 0.0)
+    if (!(leader || wheel->mapped) || way == 0.0)
         return;
-    if (leader->soil == wheel->soil) {
-        struct soil_response fresh;
-        groundlink_soil_table_at(table, load, slip, 0.0, &fresh);
+    if (leader && leader->soil == wheel->soil) {
         double beside = fmax(1.0 - apart * fabs(left / forward) / wheel->width, 0.0);
-        if (fresh.now.sinkage > 0.0)
-            share = beside * fmin(leader->sinkage / fresh.now.sinkage, 1.0);
+        if (fresh > 0.0)
+            share = beside * fmin(leader->sinkage / fresh, 1.0);
+    }
+    if (wheel->mapped && (!leader || wheel->ahead >= share * fresh)) {
+        apart = wheel->ahead_m;
+        share = fresh > 0.0 ? wheel->ahead / fresh : 0.0;
     }
     wheel->rut += (share - wheel->rut) * fmin(way / apart, 1.0);
 }
@@ -103,12 +104,17 @@ void groundlink_soil_wheel_meet(struct soil_wheel *wheel, struct tire *tire, dou
 
     const struct soil_table *table = wheel->tables[2 * (size_t)wheel->soil + (rolling < 0.0)];
     struct soil_response response;
-    follow(wheel, table, slip, load, forward, left);
-    groundlink_soil_table_at(table, load, slip, wheel->rut, &response);
+    groundlink_soil_table_at(table, load, slip, 0.0, &response);
+    double fresh = response.now.sinkage;
+    follow(wheel, fresh, forward, left);
+    groundlink_soil_table_at(table, load, slip, fmin(wheel->rut, table->deepest_rut), &response);
     const struct soil_row *row = &response.now;
+    /* In a rut that is deeper than those of the table it rolls as in the deepest of these. */
+    double deeper = fmax(wheel->rut - table->deepest_rut, 0.0) * fresh;
+    double depth = fmin(row->sinkage + deeper, fmax(row->sinkage, wheel->deepest));
     /* The spring gives way while the wheel sinks, which is counted implicitly. */
     double gives_way = wheel->spring * row->sinkage / load;
-    wheel->sinkage += (row->sinkage - wheel->sinkage) * SETTLING / (1.0 + SETTLING * gives_way);
+    wheel->sinkage += (depth - wheel->sinkage) * SETTLING / (1.0 + SETTLING * gives_way);
     resist(wheel, tire, forward, row->resistance);
 
     /* On firm soil the tread slides before the soil shears. */

@@ -21,6 +21,7 @@ from services.physics.dynamics.bodies import pointers
 from services.physics.dynamics.ground import FIRM
 from services.physics.soil.table import SoilTable, track_table, wheel_table
 from services.physics.soil.track import TrackSection
+from services.physics.soil.wheel import DEEPEST
 
 from .tire import TREAD_STIFFNESS
 
@@ -39,7 +40,10 @@ class SoilWheel(Structure):
         the mass that rests on the wheel on level ground.
     """
 
-    MEMORY = ("_tread_mps", "_rut", "slip", "sinkage_m", "_drag_m", "_drag_n", "_soil", "_under")
+    MEMORY = (
+        *("_tread_mps", "_rut", "slip", "sinkage_m", "_drag_m", "_drag_n"),
+        *("_soil", "_under", "_mapped"),
+    )
 
     _fields_ = (
         ("_tables", POINTER(POINTER(SoilTable))),
@@ -47,6 +51,7 @@ class SoilWheel(Structure):
         ("_apart_m", c_double * 2),
         ("_width_m", c_double),
         ("_digging_m", c_double),
+        ("_deepest_m", c_double),
         ("_spring_npm", c_double),
         ("_firm_ratio", c_double),
         ("_travel_m", c_double),
@@ -60,6 +65,8 @@ class SoilWheel(Structure):
         ("_drag_n", c_double),
         ("_soil", c_double),
         ("_under", c_double),
+        ("_mapped", c_double),
+        ("_ahead_m", c_double * 2),
     )
     slip: float
     """Of its tread, in the direction of travel, as `WheelInSoil` has it."""
@@ -75,6 +82,7 @@ class SoilWheel(Structure):
             self._kept,
             _width_m=wheel.width_m,
             _digging_m=wheel.radius_m,
+            _deepest_m=DEEPEST * wheel.radius_m,
             _spring_npm=spring.stiffness_npm,
             _firm_ratio=wheel.axle_friction_ratio,
             _travel_m=spring.travel_m,

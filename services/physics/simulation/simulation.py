@@ -30,6 +30,7 @@ from services.physics.dynamics.bullet import BulletBackend
 from services.physics.dynamics.ground import GroundTable, soils_of
 from services.physics.dynamics.statics import StaticBody, add_statics
 from services.physics.dynamics.terrain import CarriedBody, NoTerrain, TerrainWindows, reach_of
+from services.physics.soil.ruts import PressedRuts, RutMemory
 from services.physics.vehicle.fleet import Fleet
 from services.physics.vehicle.memory import VehicleMemory
 from services.physics.vehicle.vehicle import RestState, SimulatedVehicle
@@ -44,6 +45,9 @@ class SimulationMemory(Struct, frozen=True, array_like=True):
     vehicles: dict[str, VehicleMemory]
     free_actors: dict[str, tuple[Pose, Twist]]
     """Of their origins."""
+
+    ruts: RutMemory | None = None
+    """None without soft terrain."""
 
     def stamped_before_tick(self) -> "SimulationMemory":
         """Return it without commands that act from its tick on: a journal has them."""
@@ -74,6 +78,8 @@ class Simulation:
 
     Attributes
     ----------
+    ruts
+        of its terrain; None without soft terrain.
     is_as_built
         whether its bodies are those that another simulation of the present scenario would have.
     """
@@ -111,6 +117,9 @@ class Simulation:
         )
         self._soils = soils_of(materials)
         self._ground = GroundTable(self._terrain, self._soils)
+        self.ruts: PressedRuts | None = None
+        if mapped and self._terrain.ground and mapped.is_soft(materials):
+            self.ruts = PressedRuts(self._terrain.ground, self._known.ruts)
         self._statics: dict[int, StaticBody] = {}
         self._vehicles: dict[str, SimulatedVehicle] = {}
         self._models: dict[str, VehicleModel] = {}
@@ -135,6 +144,7 @@ class Simulation:
             self.tick,
             {name: v.memory(self._bodies) for name, v in self._vehicles.items()},
             {name: (actor.pose(), actor.twist()) for name, actor in free.items()},
+            None if self.ruts is None else self.ruts.memory(),
         )
 
     def continue_from(self, memory: SimulationMemory, scenario: Scenario) -> None:
@@ -201,7 +211,7 @@ class Simulation:
 
     def _assemble(self) -> None:
         """Step the present vehicles from now on."""
-        self._fleet = Fleet(self._backend, self._vehicles, self._ground)
+        self._fleet = Fleet(self._backend, self._vehicles, self._ground, self.ruts)
 
     def _remove_others(
         self, vehicles: Set[str], actors: Set[str], solids: Mapping[str, Solid]
@@ -258,8 +268,13 @@ class Simulation:
             self._bodies[window] = (_whole(terrain.BODY),)
 
     def reset_state(self, scenario: Scenario) -> None:
-        """Put all vehicles and free actors of the present scenario back where they begin."""
+        """Put all vehicles and free actors of the present scenario back where they begin.
+
+        Ruts vanish.
+        """
         self.is_as_built = False
+        if self.ruts is not None:
+            self.ruts.clear()
         for described in scenario.vehicles:
             self._remove(self._vehicles.pop(described.name))
             self._put_vehicle(described)

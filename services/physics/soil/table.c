@@ -36,7 +36,7 @@ void groundlink_soil_table_at(const struct soil_table *table, double load, doubl
     }
     size_t i = interval(loads, table->load_count, load);
     size_t k = interval(slips, table->slip_count, slip);
-    double place = rut * (table->rut_count - 1);
+    double place = rut / table->deepest_rut * (table->rut_count - 1);
     size_t j = (size_t)place < table->rut_count - 2 ? (size_t)place : table->rut_count - 2;
     double a = (load - loads[i]) / (loads[i + 1] - loads[i]);
     double b = place - j;

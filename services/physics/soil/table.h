@@ -14,6 +14,7 @@ struct soil_table {
     const double *loads, *slips;
     const struct soil_row *rows; /* by load, rut and slip */
     size_t load_count, rut_count, slip_count;
+    double deepest_rut; /* the last of evenly spaced ones, from none */
 };
 
 struct soil_response {

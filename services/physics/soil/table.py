@@ -23,7 +23,7 @@ LOADS = np.geomspace(0.04, 6.0, 30)
 STEEP = np.geomspace(5e-4, 1.0, 24)
 SLIPS = np.concatenate((-STEEP[::-1], [0.0], STEEP))
 
-RUTS = np.linspace(0.0, 1.0, 5)
+RUTS = np.linspace(0.0, 2.0, 7)
 """Depth of the rut in units of the sinkage in untouched soil at this load and slip."""
 
 
@@ -63,6 +63,7 @@ class SoilTable(Structure):
         ("_load_count", c_size_t),
         ("_rut_count", c_size_t),
         ("_slip_count", c_size_t),
+        ("_deepest_rut", c_double),
     )
 
     def __init__(
@@ -79,10 +80,12 @@ class SoilTable(Structure):
         found = forces(sunk, loads, slips, ruts)
         rows = np.stack([sunk, found.thrust_n, found.resistance_n, found.side_n], axis=-1)
         self._kept = loads.ravel(), SLIPS, rows.astype(np.float32).astype(np.float64)
-        super().__init__(*(kept.ctypes.data for kept in self._kept), *rows.shape[:3])
+        super().__init__(
+            *(kept.ctypes.data for kept in self._kept), *(*rows.shape[:3], float(RUTS[-1]))
+        )
 
     def at(self, load_n: float, slip: float, rut: float = 0.0) -> SoilResponse:
-        """Return the response at a load, a slip from -1 to 1, and a rut as a share from 0 to 1.
+        """Return the response at a load, a slip from -1 to 1, and a rut in the unit of `RUTS`.
 
         Below the smallest load of the table all falls in proportion; beyond the largest it grows.
         """

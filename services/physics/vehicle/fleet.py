@@ -16,6 +16,7 @@ from services.physics.dynamics.backend import Backend
 from services.physics.dynamics.bodies import BodyList, pointers
 from services.physics.dynamics.ground import GroundTable
 from services.physics.dynamics.kernels import kernels
+from services.physics.soil.ruts import PressedRuts
 
 from .vehicle import SimulatedVehicle
 
@@ -27,12 +28,18 @@ class Fleet:
     ----------
     ground
         under their wheels.
+    ruts
+        of soft terrain; None: there is none.
     """
 
     def __init__(
-        self, backend: Backend, vehicles: Mapping[str, SimulatedVehicle], ground: GroundTable
+        self,
+        backend: Backend,
+        vehicles: Mapping[str, SimulatedVehicle],
+        ground: GroundTable,
+        ruts: PressedRuts | None = None,
     ) -> None:
-        self._backend, self._ground = backend, ground
+        self._backend, self._ground, self._ruts = backend, ground, ruts
         self._vehicles = list(vehicles.values())
         self._riding = [vehicle for vehicle in self._vehicles if vehicle.ride]
         self._by_body = {vehicle.body: vehicle for vehicle in self._vehicles}
@@ -52,6 +59,8 @@ class Fleet:
         for vehicle in self._vehicles:
             vehicle.follow_commands(tick * TICK_NANOS)
         self.touch(tick)
+        if self._ruts is not None:
+            compiled.vehicles_press(*self._all, byref(self._ruts))
         compiled.vehicles_roll(*self._all)
         for vehicle in self._riding:
             vehicle.follow_roughness()

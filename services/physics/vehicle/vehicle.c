@@ -6,6 +6,11 @@
 
 #include "vehicle.h"
 
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
 /* Turn a vector in the world into the base frame. */
 static void into_base(const struct vehicle *vehicle, const double world[3], double base[3])
 {
@@ -20,9 +25,9 @@ static int64_t within(int64_t value, int64_t last)
     return value < last ? value : last;
 }
 
-/* Find friction, roughness and soil of the ground at a point of a body. */
-static void find_ground(const struct ground *ground, int32_t body, const double point[3],
-                        double *friction, double *roughness, double *soil)
+/* Find friction, roughness and soil of the ground at a point of a body; return 1 on terrain. */
+static int find_ground(const struct ground *ground, int32_t body, const double point[3],
+                       double *friction, double *roughness, double *soil)
 {
     *friction = *roughness = 0.0;
     *soil = FIRM;
@@ -39,7 +44,9 @@ static void find_ground(const struct ground *ground, int32_t body, const double 
         *friction = ground->material_friction[material];
         *roughness = ground->material_roughness[material];
         *soil = ground->material_soil[material];
+        return 1;
     }
+    return 0;
 }
 
 /* Add a contact point to those of its wheel; return 0 if it is one of the chassis. */
@@ -52,9 +59,12 @@ static int touch_wheel(struct vehicle *vehicle, const struct contact *contact,
             continue;
         struct wheel *wheel = gear->wheels[i];
         double friction, soil, normal[3], world[3];
-        find_ground(ground, contact->other, contact->point, &friction, &wheel->under, &soil);
-        if (wheel->soil)
+        int mapped = find_ground(ground, contact->other, contact->point, &friction, &wheel->under,
+                                 &soil);
+        if (wheel->soil) {
             wheel->soil->under = soil;
+            wheel->soil->mapped = mapped;
+        }
         for (int k = 0; k < 3; k++)
             world[k] = contact->normal[k] * contact->force;
         into_base(vehicle, world, normal);
@@ -97,6 +107,65 @@ size_t groundlink_vehicles_touch(struct vehicle **vehicles, size_t count,
     for (size_t i = 0; i < count; i++)
         vehicles[i]->keeps_contacts = 0;
     return of_chassis;
+}
+
+/* A wheel on soft terrain: its lowest point on the map, its heading, and its way in a tick. */
+struct track {
+    double at[2], heading[2], way;
+};
+
+static int track_of(const struct vehicle *vehicle, const struct wheel *wheel,
+                    const struct joint *spring, struct track *track)
+{
+    double load = sqrt(dot(wheel->normal, wheel->normal));
+    if (!wheel->touches || !wheel->soil || !wheel->soil->mapped || wheel->soil->under == FIRM ||
+        load == 0.0)
+        return 0;
+    double angle = wheel->steering ? wheel->steering->angle : 0.0;
+    double forward[2] = {cos(angle), sin(angle)}, low[3];
+    for (int k = 0; k < 3; k++)
+        low[k] = wheel->center[k] + (k == 2 ? spring->position - sinkage(wheel) : 0.0) -
+                 wheel->radius * wheel->normal[k] / load;
+    for (int k = 0; k < 2; k++) {
+        const double *r = vehicle->rows[k];
+        track->at[k] = vehicle->origin[k] + dot(r, low);
+        track->heading[k] = r[0] * forward[0] + r[1] * forward[1];
+    }
+    double size = hypot(track->heading[0], track->heading[1]);
+    if (size == 0.0)
+        return 0; /* it stands on its end */
+    for (int k = 0; k < 2; k++)
+        track->heading[k] /= size;
+    track->way = (vehicle->velocity[0] * track->heading[0] +
+                  vehicle->velocity[1] * track->heading[1]) * TICK_SECONDS;
+    return 1;
+}
+
+/* Let wheels press soft terrain, and find the ruts that they come to. */
+void groundlink_vehicles_press(struct vehicle **vehicles, size_t count, struct ruts *ruts)
+{
+    struct track track;
+    for (size_t i = 0; i < count; i++)
+        for (size_t k = 0; k < vehicles[i]->gear->wheel_count; k++) {
+            const struct wheel *wheel = vehicles[i]->gear->wheels[k];
+            if (track_of(vehicles[i], wheel, &vehicles[i]->body->joints[k], &track))
+                groundlink_ruts_press(ruts, track.at, track.heading, wheel->soil->width,
+                                      wheel->radius, wheel->soil->sinkage, fabs(track.way));
+        }
+    for (size_t i = 0; i < count; i++)
+        for (size_t k = 0; k < vehicles[i]->gear->wheel_count; k++) {
+            const struct wheel *wheel = vehicles[i]->gear->wheels[k];
+            struct soil_wheel *soil = wheel->soil;
+            if (!track_of(vehicles[i], wheel, &vehicles[i]->body->joints[k], &track))
+                continue;
+            /* Beyond what the wheel itself has pressed. */
+            soil->ahead_m = groundlink_ruts_contact(wheel->radius, soil->sinkage) +
+                            fabs(track.way) + 2.0 * ruts->grid.cell;
+            double ahead = copysign(soil->ahead_m, track.way);
+            for (int k = 0; k < 2; k++)
+                track.at[k] += ahead * track.heading[k];
+            soil->ahead = groundlink_ruts_mean(ruts, track.at, track.heading, soil->width);
+        }
 }
 
 /* Add aerodynamic drag and damping to force and torque on the center of mass. */

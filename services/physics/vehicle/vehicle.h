@@ -7,6 +7,7 @@
 #define GROUNDLINK_VEHICLE_H
 
 #include "../running_gear/running_gear.h"
+#include "../soil/ruts.h"
 
 struct link {
     double position[3], orientation[4];

@@ -114,6 +114,7 @@ class RayEye:
 
     def look(self, nanos: int, tick: int) -> Sight:
         """Return the depth in the middle of an exposure that begins at a sim time."""
+        self._replica.press(nanos // TICK_NANOS)
         poses = self._replica.at(nanos + self.span_nanos // 2)
         self._replica.scene.move(np.stack([poses, poses]))
         base = poses[self._replica.carrier]

@@ -114,6 +114,7 @@ class RayProbe:
             Surfaces beyond are not hit.
         """
         scene = self.replica.scene
+        self.replica.press(self._tick - 1)
         scene.move(self.replica.motion(self._tick - 1, self._tick))
         rays = directions_in_world.shape[1]
         origins = np.broadcast_to(origin_in_world.reshape(3, -1), (3, rays))

@@ -8,6 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "../../../groundlink/world/ruts.h"
 #include "vectorized.h"
 
 /* As many as an AVX2 register holds. Packets of 16, which Embree cuts up on such processors, took
@@ -54,6 +55,8 @@ struct terrain {
     double heights_within[2];       /* least and greatest */
     int32_t cells[2];               /* eastwards, northwards */
     int32_t first_label;
+    int32_t parts;                  /* cells of ruts along the side of a cell */
+    const struct rut_grid *ruts;    /* or NULL */
 };
 
 /* A triangle: numbers of its vertices, and its label less the first one of its scene. */
@@ -155,7 +158,7 @@ static inline void find(const struct ray_world *around, ptrdiff_t scene,
  * `cells.c`. */
 void groundlink_meet_terrain(const struct terrain *terrain, struct rays *rays);
 int32_t groundlink_terrain_label(const struct terrain *terrain, int32_t triangle,
-                                 double normal[3]);
+                                 const double point[3], double normal[3]);
 
 /* Meet all bodies that some packets, which are within a beam, may meet; in `bodies.c`. */
 struct beam;

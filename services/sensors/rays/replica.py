@@ -19,8 +19,9 @@ from .scene import Numbers, Scene
 from .terrain import Relief
 
 FEW_HEIGHTS = 600_000
-"""Most heights of a terrain that becomes triangles; a larger one is hit as heights. In a million
-triangles a revolution takes four fifths of the time, but building them takes 1 s and 100 MB."""
+"""Most heights of a terrain that becomes triangles; a larger one is hit as heights, and so is one
+with ruts. In a million triangles a revolution takes four fifths of the time, but building them
+takes 1 s and 100 MB."""
 
 
 class Replica(WorldReplica):
@@ -54,11 +55,19 @@ class Replica(WorldReplica):
         still, relief = merged(self.static), None
         if terrain:
             land, first = load_ground(terrain), len(self.static)
-            if land.heights.size <= FEW_HEIGHTS:
+            if land.heights.size <= FEW_HEIGHTS and self.ruts is None:
                 still = joined(still, of_ground(land, first_label=first))
             else:
-                relief = Relief(land, first_label=first)
+                relief = Relief(land, first_label=first, ruts=self.ruts)
+        self._relief = relief
         self.scene = Scene(still, bodies, terrain=relief)
+
+    def press(self, tick: int) -> bool:
+        """Let the terrain have the ruts of a tick; return if they differ from the last call's."""
+        changed = super().press(tick)
+        if changed and self._relief is not None:
+            self._relief.deepen()
+        return changed
 
     def body_numbers(self, label: Numbers, body: Numbers) -> NDArray[np.uint32]:
         """Return the bodies of hits, numbered as in `groundlink.scene.bodies`; `NO_BODY` for none.

@@ -11,6 +11,7 @@ from ctypes import c_double, c_int32, c_void_p
 import numpy as np
 from numpy.typing import NDArray
 
+from groundlink.world.ruts import RutGrid
 from groundlink.world.terrain import Ground
 
 
@@ -24,6 +25,8 @@ class _Terrain(ctypes.Structure):
         ("heights_within", c_double * 2),
         ("cells", c_int32 * 2),
         ("first_label", c_int32),
+        ("parts", c_int32),
+        ("ruts", c_void_p),
     )
 
 
@@ -35,6 +38,8 @@ class Relief:
     ground : Ground
     first_label : int
         Label of the first of its materials; those of the others follow.
+    ruts : RutGrid, optional
+        After they have changed, `deepen` is to be called.
 
     Attributes
     ----------
@@ -43,11 +48,11 @@ class Relief:
         Lowest and highest, in the world.
     """
 
-    def __init__(self, ground: Ground, *, first_label: int) -> None:
+    def __init__(self, ground: Ground, *, first_label: int, ruts: RutGrid | None = None) -> None:
         rows, columns = ground.heights.shape
         pyramids = _pyramid(ground.heights), _pyramid(-ground.heights)
         addresses = [(c_void_p * len(of))(*(level.ctypes.data for level in of)) for of in pyramids]
-        self._kept = ground, pyramids, addresses
+        self._kept, self._ruts = (ground, pyramids, addresses), ruts
         highest, deepest = (float(levels[-1][0, 0]) for levels in pyramids)
         ends = ground.x0_m + ground.cell_m * (columns - 1), ground.y0_m + ground.cell_m * (rows - 1)
         self.corners = np.array([(ground.x0_m, ground.y0_m, -deepest), (*ends, highest)])
@@ -59,7 +64,15 @@ class Relief:
             (-deepest, highest),
             (columns - 1, rows - 1),
             first_label,
+            ruts.parts if ruts else 1,
+            ruts and ctypes.addressof(ruts),
         )
+        self._lowest_m = -deepest
+
+    def deepen(self) -> None:
+        """Let rays go down to the ruts."""
+        if self._ruts is not None:
+            self.structure.heights_within[0] = self._lowest_m - self._ruts.deepest_m
 
 
 def _pyramid(heights: NDArray[np.float32]) -> list[NDArray[np.float32]]:

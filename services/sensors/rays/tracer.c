@@ -110,8 +110,14 @@ static INLINED void meet_exactly(const struct ray_world *around, const struct ra
         if (met->label[lane] >= 0)
             continue;
         double normal[3] = {0, 0, 0};
-        if (rays->triangle[lane] >= 0)
-            met->label[lane] = groundlink_terrain_label(around->terrain, rays->triangle[lane], normal);
+        if (rays->triangle[lane] >= 0) {
+            double point[3];
+            for (int axis = 0; axis < 3; axis++)
+                point[axis] = world->origin[axis][lane] +
+                              (double)world->far[lane] * world->direction[axis][lane];
+            met->label[lane] =
+                groundlink_terrain_label(around->terrain, rays->triangle[lane], point, normal);
+        }
         met->range[lane] = rays->triangle[lane] >= 0 ? world->far[lane] : INFINITY; /* is exact */
         for (int axis = 0; axis < 3; axis++)
             met->reported_normal[axis][lane] = (float)normal[axis];

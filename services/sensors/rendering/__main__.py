@@ -8,6 +8,7 @@ are installed.
 
 import threading
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from groundlink.bus.core_topics import ACK
@@ -20,6 +21,7 @@ from groundlink.process.joining import join_world
 from groundlink.process.state_follower import StateFollower, follow_states
 from groundlink.scenario.cameras import Optics
 from groundlink.scene.build import world_hash
+from services.sensors.runtime.process import find_ruts
 from services.sensors.runtime.runner import SensorProcess
 
 PROCESS = "sensors.rendering"
@@ -49,6 +51,7 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
             ack_ticks=scenario.time.ack_ticks,
             publish=lambda _: None,
             acknowledge=bus.publisher(ACK.key_in(run, process=options.name), ACK.delivery),
+            ruts=partial(find_ruts, bus, run),
         )
 
         def ended() -> bool:

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from groundlink.bus.core_topics import ACK, FREQUENT_HZ, is_passed_locally
-from groundlink.bus.queries import faults_key
+from groundlink.bus.queries import faults_key, ruts_key
 from groundlink.bus.session import Bus
 from groundlink.bus.topics import FAULTS, MISSING_READINGS, sensor_outputs
 from groundlink.core.errors import UserError, did_you_mean
@@ -44,6 +44,9 @@ from .model import (
 )
 from .reading_ledger import ReadingLedger
 from .runner import SensorProcess
+
+RUTS_SECONDS = 2.0
+"""Longest wait for ruts that a sensor has missed."""
 
 
 class NativeLink:
@@ -136,6 +139,12 @@ def _main(kind: SensorKind, arguments: Sequence[str], stop: threading.Event) -> 
         follow_states(
             bus, run_name, [sensor], stop.is_set, waited_for=scenario.time.mode != "realtime"
         )
+
+
+def find_ruts(bus: Bus, run: str, digest: bytes) -> bytes:
+    """Return the tiles of a run's ruts with a digest; nothing if physics does not know them."""
+    replies = bus.query(ruts_key(run), digest.hex(), seconds=RUTS_SECONDS)
+    return b"".join(replies.values())
 
 
 def kind_in(scenario: Scenario, name: str) -> SensorKind:
@@ -246,6 +255,7 @@ def follower(
         # No participant waits for this sensor. A state older than one window, the distance by which
         # physics runs ahead of the participants that it waits for, is obsolete.
         max_waiting_ticks=None if time.waits else time.window_ticks,
+        ruts=partial(find_ruts, bus, run_name) if kind.sees_world else None,
     )
     live = LiveFaults(
         sensor,

@@ -9,11 +9,13 @@ runner drops all but the newest state.
 from collections.abc import Callable
 
 import msgspec
+from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.errors import UserError
-from groundlink.messages.base import Ack, BadBusMessage, BusMessage, State, measured_nanos
+from groundlink.messages.base import Ack, BadBusMessage, BusMessage, Ruts, State, measured_nanos
 from groundlink.messages.missing_readings import Cause
+from groundlink.world.ruts import NO_RUTS, TILE, digest_of, split
 
 from .model import (
     LeftOut,
@@ -51,6 +53,9 @@ class SensorProcess:
         Record of published and missing readings.
     reconnects
         Returns the number of reconnects of the bus session.
+    ruts
+        Returns the tiles of ruts with a digest, empty if they are unknown. None for a sensor that
+        sees none.
     max_waiting_ticks
         Maximum number of queued states. Above it, the sensor leaves out readings to avoid delay.
         None disables this; the sensor then publishes every reading, however late.
@@ -68,6 +73,7 @@ class SensorProcess:
         ledger: ReadingLedger | NoReadingLedger | None = None,
         reconnects: Callable[[], int] = lambda: 0,
         max_waiting_ticks: int | None = None,
+        ruts: Callable[[bytes], bytes] | None = None,
     ) -> None:
         self._model = model
         self._ledger = ledger or NoReadingLedger()
@@ -80,6 +86,7 @@ class SensorProcess:
         self._skipping = (
             model if max_waiting_ticks is not None and isinstance(model, SkippingModel) else None
         )
+        self._find_ruts, self._known_ruts = ruts, NO_RUTS
         self._expected_world_hash, self._renew = expected_world_hash, renew
         self.worlds = 1
         self._ack_ticks = ack_ticks
@@ -144,6 +151,9 @@ class SensorProcess:
                 )
             self._expected_world_hash = state.world_hash
             self.worlds += 1
+            self._known_ruts = NO_RUTS
+        if self._find_ruts is not None:
+            state = self._with_ruts(state, self._find_ruts)
         self.epoch_nanos = state.epoch_nanos
         if state.episode != self._episode:
             self._episode, self._published_to, self.tick = state.episode, -1, -1
@@ -179,6 +189,18 @@ class SensorProcess:
             self._ledger.published(output, measured_nanos(message) - state.epoch_nanos)
         if state.tick % self._ack_ticks == 0:
             self.report_progress()
+
+    def _with_ruts(self, state: State, find: Callable[[bytes], bytes]) -> State:
+        """Return a state whose ruts follow from those of the states before, or are all of them."""
+        ruts, known = state.ruts, self._known_ruts
+        self._known_ruts = ruts.digest if ruts else NO_RUTS
+        if not ruts or ruts.digest == known or (ruts.tiles and ruts.before == known):
+            return state
+        tiles = find(ruts.digest)
+        if len(tiles) % TILE.itemsize or digest_of(split(tiles)) != ruts.digest:
+            self.refused += 1
+            return state
+        return replace(state, ruts=Ruts(ruts.digest, NO_RUTS, memoryview(tiles)))
 
     def report_progress(self) -> None:
         """Publish missing readings and acknowledge the last state with the successor's memory."""

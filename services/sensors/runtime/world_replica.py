@@ -5,20 +5,24 @@ It is built from the scenario and updated only by states. LiDARs and cameras sha
 """
 
 import math
+from collections import deque
 from typing import ClassVar, NamedTuple
 
 import numpy as np
+from msgspec import UnsetType
 
 from groundlink.core.clock import TICK_NANOS
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import Floats, matrix_from_quaternion, nlerp
-from groundlink.messages.base import BadBusMessage, State
+from groundlink.messages.base import BadBusMessage, Ruts, State
 from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scene.bodies import link_solids as links_of
 from groundlink.scene.build import solids
 from groundlink.world.actors import form_solids
+from groundlink.world.ruts import NO_RUTS, TILE, RutGrid
 from groundlink.world.solids import Box, Cylinder, Mesh, Solid, Sphere
+from groundlink.world.terrain import load_ground
 
 POSE_BYTES = 7 * 8
 """Columns of a pose in a state: position and quaternion, float64."""
@@ -57,6 +61,8 @@ class WorldReplica:
         Name of each link's vehicle, or of the actor.
     carrier : int
         Index of the link that the sensor is mounted on.
+    ruts : RutGrid or None
+        Of soft terrain, as of the last `press`.
     """
 
     _newest: ClassVar[_Joined | None] = None
@@ -82,10 +88,18 @@ class WorldReplica:
         self.movers += [actor.name for actor in actors]
         self._bytes_of_actors = POSE_BYTES * len(actors)
         self._sizes = [*self._bytes_of.values(), self._bytes_of_actors]
+        terrain, materials = scenario.world.terrain, scenario.world.materials
+        self.ruts: RutGrid | None = None
+        if terrain and terrain.is_soft(materials):
+            self.ruts = RutGrid(*load_ground(terrain).grid)
+        self._rut_changes: deque[tuple[int, Ruts | UnsetType]] = deque()
+        self._known_ruts, self._has_new_ruts = NO_RUTS, False
         self.restart()
 
     def restart(self) -> None:
-        """Forget all states."""
+        """Forget all states; ruts stay."""
+        if self._rut_changes:
+            self._apply_ruts(self._rut_changes[-1][0])
         self._first_tick = 0
         self._poses: list[Floats] = []
 
@@ -95,8 +109,10 @@ class WorldReplica:
         Raises
         ------
         BadBusMessage
-            when a vehicle, a link or an actor is missing.
+            when a vehicle, a link or an actor is missing, or a rut lies beside the terrain.
         """
+        if self.ruts is not None:
+            self._take_ruts(self.ruts, state)
         newest = WorldReplica._newest
         if newest is None or newest.state is not state or newest.scenario is not self._scenario:
             WorldReplica._newest = newest = _Joined(state, self._scenario, self._joined(state))
@@ -117,6 +133,31 @@ class WorldReplica:
                         f"of `{name}`"
                     )
         return np.frombuffer(b"".join(rows), np.float64).reshape(-1, 7)
+
+    def _take_ruts(self, grid: RutGrid, state: State) -> None:
+        digest = state.ruts.digest if state.ruts else NO_RUTS
+        if digest == self._known_ruts:
+            return
+        if state.ruts and not grid.are_on_map(np.frombuffer(state.ruts.tiles, TILE)):
+            raise BadBusMessage(f"state of tick {state.tick}: a rut lies beside the terrain")
+        self._known_ruts = digest
+        self._rut_changes.append((state.tick, state.ruts))
+
+    def press(self, tick: int) -> bool:
+        """Let the terrain have the ruts of a tick; return if they differ from the last call's."""
+        self._apply_ruts(tick)
+        changed, self._has_new_ruts = self._has_new_ruts, False
+        return changed
+
+    def _apply_ruts(self, tick: int) -> None:
+        changes = self._rut_changes
+        while self.ruts is not None and changes and changes[0][0] <= tick:
+            _, ruts = changes.popleft()
+            if not ruts or ruts.before == NO_RUTS:
+                self.ruts.clear()
+            if ruts:
+                self.ruts.put(np.frombuffer(ruts.tiles, TILE))
+            self._has_new_ruts = True
 
     def motion(self, first_tick: int, last_tick: int) -> Floats:
         """Return world_from_link for a range of ticks, shape (ticks, links, 7).

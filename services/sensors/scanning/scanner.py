@@ -255,6 +255,8 @@ class Scanner:
         poses = self.replica.motion(first_tick, self._schedule.tick(revolution + 1))
         start_seconds = (start_nanos - first_tick * TICK_NANOS) / NANOS
         tick = self._schedule.tick(revolution)
+        # As at the revolution's start, so that all of its blocks have the same ground.
+        self.replica.press(first_tick)
         self.sweep.aim(revolution)
         self.sweep.follow(poses[:, self.replica.carrier], start_seconds, firings)
         self.replica.scene.move(poses)

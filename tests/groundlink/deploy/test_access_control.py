@@ -79,7 +79,7 @@ def test_what_each_process_may_ask_is_what_the_rules_name_and_no_more(tour: Scen
     assert asks == {
         "query": [
             *(f"groundlink/*/{what}/**" for what in ("scenario", "assets", "state/history")),
-            "groundlink/*/journal/**",
+            *(f"groundlink/*/{what}/**" for what in ("journal", "ruts")),
         ],
         "control": ["groundlink/*/control/**", "groundlink/*/world/**"],
         "operate": ["groundlink/**"],

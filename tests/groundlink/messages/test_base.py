@@ -23,6 +23,7 @@ from groundlink.messages.base import (
 from groundlink.messages.ground_truth import BatteryState, Contact, Vitals
 from groundlink.messages.missing_readings import MissingReadings, MissingSpan
 from groundlink.scenario.faults import Bias, Stuck
+from groundlink.world.ruts import TILE
 
 TRUE_POINTS = np.zeros(2, ground_truth.TRUE_POINT)
 TRUE_POINTS["z"], TRUE_POINTS["body"] = [1.5, -2], [0, 2**32 - 1]
@@ -53,6 +54,11 @@ EXAMPLES: list[BusMessage] = [
     STATE,
     messages.StateBatch((STATE, STATE)),
     messages.State("run", 0, 0, 0, 0, "", {}, memoryview(bytes(2 * 7 * 8))),
+    messages.State("run", 0, 0, 0, 0, "", {}, ruts=messages.Ruts(b"12345678")),
+    messages.State(
+        *("run", 0, 0, 0, 0, "", {}),
+        ruts=messages.Ruts(b"12345678", bytes(8), packed(np.zeros(2, TILE))),
+    ),
     messages.Clock(2**62, 2**61, 3, 2**61),
     messages.Command(5, (0.5, 0.0, 0.0), (0.0, 0.0, -1.0)),
     messages.WheelCommand(5, {"left_track": 1.5}, {"front_left_wheel": -0.1}),
@@ -274,6 +280,7 @@ HAVE_DEFAULTS = {("Health", "streams"), ("Health", "host")} | {
     ("Vitals", "soil"),
     ("WheelCommand", "angles_rad"),
     ("State", "actors"),
+    ("State", "ruts"),
     ("PointCloud", "layout"),
 }
 

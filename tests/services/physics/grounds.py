@@ -4,23 +4,27 @@
 from functools import cache
 from math import cos, pi, sin
 
+import msgspec
 import numpy as np
 from msgspec.structs import replace
 
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.loader import load
 from groundlink.loader.document import read
+from groundlink.loader.material_library import soil_library
 from groundlink.loader.scenario_files import SHIPPED
 from groundlink.loader.validation_errors import convert
 from groundlink.scenario import Scenario
 from groundlink.scenario.vehicle import VehicleModel
-from groundlink.world.solids import Box, Solid
+from groundlink.world.solids import Box, Soil, Solid
 from services.physics.trials.track import MATERIALS
 
 VEHICLES = sorted(file.stem for file in (SHIPPED / "vehicles").glob("*.yaml"))
 """Names of all shipped vehicles."""
 
 STEEP_DEG = 20.0
+
+SOILS = msgspec.convert(soil_library(), dict[str, Soil])
 
 
 @cache

@@ -87,6 +87,8 @@ class Eye:
         The time is between the oldest stored state and the newest.
         """
         # Adding 0.0 turns -0.0 into 0.0, which has other bytes.
+        if self.around.press(nanos // TICK_NANOS) and self.around.ruts is not None:
+            self.renderer.press(self.around.ruts)
         poses = np.rint(self.around.at(nanos) * STEPS_PER_UNIT) / STEPS_PER_UNIT + 0.0
         self.renderer.place(poses)
         base = poses[self.around.carrier]

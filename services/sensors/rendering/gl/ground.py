@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from groundlink.core.errors import UserError
 from groundlink.core.frames import Floats
+from groundlink.world.ruts import RutGrid
 from groundlink.world.solids import Material
 from groundlink.world.terrain import Ground
 from services.sensors.rendering.look.ground_paint import colors, sunlit
@@ -21,7 +22,8 @@ from services.sensors.rendering.look.textures import period_m, texture
 
 from .context import filtered
 from .ground_levels import HALF_PIXEL, SIDE, Levels
-from .programs import CELLS, HEIGHTS, KINDS, PATTERNS, put, put_integers
+from .ground_ruts import VERTEX, faces, pressed_ground
+from .programs import CELLS, HEIGHTS, KINDS, PATTERNS, RUTTED, Pass, put, put_integers
 
 MOST_PATCHES = 1024
 """Initial capacity in patches."""
@@ -43,13 +45,16 @@ class DrawnGround:
     def __init__(
         self,
         context: moderngl.Context,
-        programs: Sequence[moderngl.Program],
+        passes: Sequence[Pass],
         ground: Ground,
         materials: Mapping[str, Material],
         light: Lighting,
         label: int,
     ) -> None:
+        programs = [one.ground for one in passes if one.ground]
         self._programs, self._ground = programs, ground
+        self._context = context
+        self._sun = unit(np.array(light.lights[0].at[:3])) if light.is_sun else None
         self._levels = Levels(ground)
         rows, columns = ground.heights.shape
         most = int(context.info["GL_MAX_TEXTURE_SIZE"])
@@ -96,9 +101,55 @@ class DrawnGround:
                 for program in programs
             ]
             self._quarters.append((patches, drawn))
-        for program in programs:
+        self._ruts = [one.ruts for one in passes if one.ruts]
+        for program in (*programs, *self._ruts):
             put(program, "cell_m", ground.cell_m)
             put_integers(program, "label", label)
+        self._grid: RutGrid | None = None
+        self._cell_of_pressed: tuple[int, int] | None = None
+        self._apart = (np.empty(0, np.intp),) * 2
+        if self._ruts:
+            mask = np.zeros((rows - 1, columns - 1), np.uint8)
+            self._textures[RUTTED] = context.texture((columns - 1, rows - 1), 1, mask, dtype="u1")
+            self._textures[RUTTED].filter = moderngl.NEAREST, moderngl.NEAREST
+
+    def press(self, ruts: RutGrid) -> None:
+        """Let the terrain have other ruts."""
+        self._grid, self._cell_of_pressed = ruts, None
+
+    def _refine(self, eye_cell: tuple[int, int]) -> None:
+        """Make the mesh of the ruts around an eye, and leave its cells out of the terrain."""
+        assert self._grid is not None
+        made = pressed_ground(self._ground, self._grid, eye_cell, self._sun)
+        self._cell_of_pressed, self._origin = eye_cell, made.origin_m
+        mask = self._textures[RUTTED]
+        assert isinstance(mask, moderngl.Texture)
+        for rows, columns, is_apart in ((*self._apart, 0), (made.rows, made.columns, 1)):
+            if not len(rows):
+                continue
+            south, west = int(rows.min()), int(columns.min())
+            shape = int(rows.max()) - south + 1, int(columns.max()) - west + 1
+            box = np.zeros(shape, np.uint8)
+            box[rows - south, columns - west] = is_apart
+            mask.write(box, (west, south, *shape[::-1]), alignment=1)
+        self._apart = made.rows, made.columns
+        vertices = self._context.buffer(made.vertices.tobytes() or bytes(VERTEX.itemsize))
+        indices = faces(len(made.rows), self._grid.parts).tobytes() or bytes(12)
+        triangles = self._context.buffer(indices)
+        content = [(vertices, "3f 3f 1f", *VERTEX.names)]  # type: ignore[misc]
+        self._pressed = [
+            self._context.vertex_array(program, content, triangles, skip_errors=True)
+            for program in self._ruts
+        ]
+
+    def _draw_ruts(self, number: int, eye: Floats) -> None:
+        ground = self._ground
+        row, column = np.floor((eye[1::-1] - (ground.y0_m, ground.x0_m)) / ground.cell_m).tolist()
+        if self._cell_of_pressed != (eye_cell := (int(row), int(column))):
+            self._refine(eye_cell)
+        if len(self._apart[0]):
+            put(self._ruts[number], "origin_from_eye", self._origin - eye)
+            self._pressed[number].render()
 
     def draw(self, number: int, clip_from_world: Floats, eye: Floats, focal_px: float) -> None:
         """Draw the visible part of the terrain with the program of a pass.
@@ -106,20 +157,26 @@ class DrawnGround:
         The uniforms of the view must be set.
         """
         ground, program = self._ground, self._programs[number]
+        by_both = [program, *self._ruts[number : number + 1]]
         patches = self._levels.shown(clip_from_world, eye, focal_px)
         first = np.array([ground.x0_m, ground.y0_m])
         anchor = np.rint((eye[:2] - first) / ground.cell_m)
         put_integers(program, "anchor", anchor)
         put(program, "anchor_from_eye", first + anchor * ground.cell_m - eye[:2])
         extent = ground.cell_m * (np.array(ground.heights.shape[::-1]) - 1)
-        put(program, "cells_at", np.concatenate([(eye[:2] - first) / extent, 1 / extent]))
+        cells_at = np.concatenate([(eye[:2] - first) / extent, 1 / extent])
         put(program, "pixel", 2 * HALF_PIXEL / focal_px)
         # Position of the eye in each pattern: pattern coordinates stay small near the eye, wherever
         # it is.
         within = np.mod(eye[:2] / self._repeats_m[:, None], 1)
-        put(program, "patterns_at", np.column_stack([self._layers, 1 / self._repeats_m, within]))
+        patterns_at = np.column_stack([self._layers, 1 / self._repeats_m, within])
+        for each in by_both:
+            put(each, "cells_at", cells_at)
+            put(each, "patterns_at", patterns_at)
         for unit, picture in self._textures.items():
             picture.use(unit)
+        if self._grid is not None:
+            self._draw_ruts(number, eye)
         middles = patches[:, :2] + SIDE / 2 * patches[:, 2:]
         quarter = (middles >= (eye[:2] - first) / ground.cell_m) @ (2, 1)
         for which, (buffer, drawn) in enumerate(self._quarters):
@@ -128,6 +185,12 @@ class DrawnGround:
                 buffer.orphan(2 * here.nbytes)
             buffer.write(here.tobytes())
             drawn[number].render(instances=len(here))
+
+
+def unit(vector: Floats) -> Floats:
+    """Return a vector's direction."""
+    direction: Floats = vector / np.linalg.norm(vector)
+    return direction
 
 
 def _patch() -> tuple[NDArray[np.int32], NDArray[np.uint32]]:

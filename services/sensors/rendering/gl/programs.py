@@ -14,10 +14,10 @@ from services.sensors.rendering.look.textures import BRIGHTEST
 from .shaders import shader
 from .target import FINER
 
-BASE, BUMPS, SHADOWS, HEIGHTS, CELLS, KINDS, PATTERNS = range(7)
+BASE, BUMPS, SHADOWS, HEIGHTS, CELLS, KINDS, PATTERNS, RUTTED = range(8)
 """Texture units."""
 
-SAMPLERS = ("base", "bumps", "shadow_map", "heights", "cells", "kinds", "patterns")
+SAMPLERS = ("base", "bumps", "shadow_map", "heights", "cells", "kinds", "patterns", "rutted")
 """Name of each texture unit's sampler."""
 
 
@@ -34,9 +34,12 @@ class Pass(NamedTuple):
     ground: moderngl.Program | None
     """For terrain, if there is any."""
 
+    ruts: moderngl.Program | None
+    """For the ruts of soft terrain."""
+
     def lit(self) -> list[moderngl.Program]:
         """Return the programs that draw surfaces."""
-        return [self.surface, self.bumped, *([self.ground] if self.ground else [])]
+        return [self.surface, self.bumped, *(one for one in (self.ground, self.ruts) if one)]
 
 
 class Programs(NamedTuple):
@@ -54,6 +57,7 @@ def programs(
     samples: int,
     ground: int = 0,
     soils: bool = False,
+    ruts: bool = False,
 ) -> Programs:
     """Return the programs with their constant uniforms set.
 
@@ -67,6 +71,8 @@ def programs(
         Number of the terrain's materials; 0 without terrain.
     soils
         Whether each of these materials has a label of its own.
+    ruts
+        Whether the terrain is soft.
     """
     lights, has_window = len(light.lights), light.window_m is not None
     defines = {
@@ -91,8 +97,11 @@ def programs(
             sky=made("sky", "sky", TRUTH=truth)
             if truth or samples == 1
             else made("sky", "resolve", FINER=FINER[samples]),
-            ground=made("ground", "surface", TRUTH=truth, GROUND=ground, SOILS=soils)
+            ground=made("ground", "surface", TRUTH=truth, GROUND=ground, SOILS=soils, RUTS=ruts)
             if ground
+            else None,
+            ruts=made("ruts", "surface", TRUTH=truth, GROUND=ground, SOILS=soils, PRESSED=True)
+            if ruts
             else None,
         )
         for truth in truths

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats
 from groundlink.scenario.schema import World
+from groundlink.world.ruts import RutGrid
 from groundlink.world.terrain import BODY, load_ground
 from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.look.labels import Labels
@@ -100,8 +101,13 @@ class Renderer:
         self._targets = [target for target in (self._color, self._truth) if target]
         truths = [target.truth for target in self._targets]
         has_soils = "soils" in layers
+        is_soft = world.terrain is not None and world.terrain.is_soft(world.materials)
         self._programs = programs(
-            context, light, truths, samples=samples, ground=kinds, soils=has_soils
+            *(context, light, truths),
+            samples=samples,
+            ground=kinds,
+            soils=has_soils,
+            ruts=is_soft,
         )
         self._skies = [context.vertex_array(one.sky, []) for one in self._programs.passes]
         self.labels = Labels(
@@ -116,8 +122,9 @@ class Renderer:
                 if has_soils
                 else self.labels.of_solids([BODY])[0]
             )
-            grounds = [one.ground for one in self._programs.passes if one.ground]
-            self._ground = DrawnGround(context, grounds, terrain, world.materials, light, number)
+            self._ground = DrawnGround(
+                *(context, self._programs.passes, terrain, world.materials, light, number)
+            )
         self._around, self._materials = around, world.materials
         self._silhouettes: Silhouettes | None = None
         self._shadows = ShadowMaps(context, self._stage, self._programs.shadow, light)
@@ -150,6 +157,12 @@ class Renderer:
         self._held.clear()
         with self._context:
             self._stage.place(world_from_link)
+
+    def press(self, ruts: RutGrid) -> None:
+        """Let the terrain have other ruts from now on."""
+        assert self._ground
+        self._ground.press(ruts)
+        self._held.clear()
 
     def draw(self, world_from_optical: Floats) -> Frame:
         """Return the view from a pose, shape (4, 4), with all links where they were placed."""

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import msgspec
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
@@ -27,8 +28,11 @@ from groundlink.world.actors import (
     HingeMotion,
     Swing,
 )
+from groundlink.world.solids import Material
 from services.physics.run.episode import Episode
 from services.physics.run.publishers import Publish, Publishers
+from tests.services.physics.grounds import SOILS, shipped
+from tests.services.physics.terrains import terrain, world
 
 PERIOD_S = 0.5
 PERIOD_TICKS = 200
@@ -71,6 +75,12 @@ def of_robot() -> Scenario:
 def of_tank() -> Scenario:
     """Return a tank on hills."""
     return load("outdoor_paper")
+
+
+def of_soft_ground() -> Scenario:
+    """Return a rover that leaves ruts."""
+    soft = {"ground": Material(soil=SOILS["lete_sand"])}
+    return world(terrain(np.zeros((21, 21))), (shipped("rover"), Placement()), materials=soft)
 
 
 class Heard:
@@ -124,7 +134,7 @@ def change(episode: Episode, vehicle: str) -> None:
         episode.reset_state()
 
 
-@pytest.mark.parametrize("made", [of_rover, of_robot, of_tank])
+@pytest.mark.parametrize("made", [of_rover, of_robot, of_tank, of_soft_ground])
 def test_equals_the_episode_that_made_it(made: Callable[[], Scenario]) -> None:
     scenario = made()
     time = replace(scenario.time, mode="fast", checkpoint_s=PERIOD_S)
@@ -139,6 +149,8 @@ def test_equals_the_episode_that_made_it(made: Callable[[], Scenario]) -> None:
         checkpoints, journal = episode.checkpoints.complete, episode.journal()
         registry = episode.entities.memory()
     assert registry.descriptions
+    sent = (decode(m, State) for _, m in heard.messages if b"vehicles" in m)
+    assert any(state.ruts for state in sent) == (made is of_soft_ground)
     assert [checkpoint.tick for checkpoint in checkpoints] == [
         *range(PERIOD_TICKS, END_TICK, PERIOD_TICKS)
     ]

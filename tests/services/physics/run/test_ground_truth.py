@@ -24,7 +24,6 @@ from services.physics.simulation.simulation import Simulation
 from tests.services.physics.conftest import run
 
 EPOCH = 10**18
-FIELDS = State.__struct_fields__
 LEFT = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))
 """Turned by 90 degrees: the base's x is the world's y."""
 
@@ -176,7 +175,7 @@ def test_bodies_of_a_changed_world_are_published_at_the_same_instants(lab: Scena
     truth.change(changed, solids(changed))
     where = [7.0, 8.0, 9.0, *LEFT]
     for tick in range(4, 9):
-        now = State(*(getattr(state(tick), f) for f in FIELDS[:-1]), packed(np.array(where)))
+        now = replace(state(tick), actors=packed(np.array(where)))
         told.append(truth.poses(now))
     stamps = [bodies.stamp_nanos - EPOCH for bodies in told if bodies is not None]
     assert stamps == [0, 10**7, 2 * 10**7]

@@ -1,21 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rigid wheels in soil agree with the closed form of Bekker, Wong, Reece, Janosi, Hanamoto."""
 
-import msgspec
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from groundlink.loader.material_library import soil_library
-from groundlink.world.solids import Soil
 from services.physics.soil.stress import pressure, rebound, repeated
 from services.physics.soil.table import wheel_table
 from services.physics.soil.wheel import DEEPEST, wheel_forces, wheel_sinkage
+from tests.services.physics.grounds import SOILS
 from tests.services.physics.soil.closed_form import RigidWheel, bekker_sinkage
 
 RADIUS, WIDTH, LOAD = 0.1651, 0.1143, 135.0
 
-SOILS = msgspec.convert(soil_library(), dict[str, Soil])
 
 FIRM = (
     *("dry_sand", "lete_sand", "sandy_loam_22", "upland_sandy_loam"),

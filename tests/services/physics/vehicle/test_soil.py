@@ -9,22 +9,19 @@ import pytest
 from msgspec.structs import replace
 from scipy.optimize import brentq
 
-from groundlink.loader.material_library import soil_library
 from groundlink.messages.ground_truth import WheelInSoil
 from groundlink.scenario.running_gear import Tracked
 from groundlink.scenario.schema import Placement
 from groundlink.scenario.vehicle import VehicleModel
-from groundlink.world.solids import Box, Material, Soil, Solid
+from groundlink.world.solids import Box, Material, Solid
 from services.physics.dynamics.backend import GRAVITY_MPS2
 from services.physics.dynamics.bullet import BulletBackend
 from services.physics.simulation.simulation import Simulation
 from services.physics.soil.track import TrackSection, track_forces, track_sinkage
 from services.physics.soil.wheel import wheel_forces, wheel_sinkage
 from services.physics.trials.track import Drive, drive, put, slope
-from tests.services.physics.grounds import shipped
+from tests.services.physics.grounds import SOILS, shipped
 from tests.services.physics.terrains import terrain, world
-
-SOILS = msgspec.convert(soil_library(), dict[str, Soil])
 
 
 def on(

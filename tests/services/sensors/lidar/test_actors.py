@@ -40,7 +40,7 @@ def told(made: Scenario) -> Iterator[State]:
     for state in rooms.states(made, lambda _: ((-4.0, 0.0, 0.6), (0.0, 0.0, 0.0)), TICKS):
         places = [made_of.at(state.tick * TICK_SECONDS) for made_of in movers]
         rows = np.array([[*place.position_m, *place.orientation] for place in places])
-        yield State(*(getattr(state, f) for f in State.__struct_fields__[:-1]), packed(rows))
+        yield replace(state, actors=packed(rows))
 
 
 def clouds(made: Scenario) -> list[PointCloud]:

@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The process around a model, with a stand-in model and without a bus."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
+import numpy as np
 import pytest
+from msgspec import UNSET, UnsetType
 
 from groundlink.core.clock import TICK_NANOS, TICK_RATE_HZ
 from groundlink.core.errors import UserError
-from groundlink.messages.base import Ack, BusMessage, Clock, State
+from groundlink.messages.base import Ack, BusMessage, Clock, Ruts, State
 from groundlink.messages.missing_readings import MissingReadings
 from groundlink.messages.reading_schedule import Events
+from groundlink.world.ruts import NO_RUTS, TILE, digest_of, split
 from services.sensors.runtime.model import Made
 from services.sensors.runtime.reading_ledger import ReadingLedger
 from services.sensors.runtime.runner import SensorProcess
@@ -69,6 +72,7 @@ class Bench:
         model: EveryFortyTicks | None = None,
         worlds: Sequence[str] = (),
         max_waiting_ticks: int | None = None,
+        ruts: Mapping[bytes, bytes] | None = None,
     ) -> None:
         self.model = model or EveryFortyTicks()
         self.asked: list[str] = []
@@ -90,11 +94,17 @@ class Bench:
             ledger=self.ledger,
             reconnects=lambda: self.reconnects,
             max_waiting_ticks=max_waiting_ticks,
+            ruts=None if ruts is None else self._find,
         )
+        self.ruts, self.asked_ruts = ruts or {}, list[bytes]()
 
     def _renew(self, world: str) -> bool:
         self.asked.append(world)
         return world in self.worlds
+
+    def _find(self, digest: bytes) -> bytes:
+        self.asked_ruts.append(digest)
+        return self.ruts.get(digest, b"")
 
     def take(self, ticks: Iterable[int], epoch: int = 0, waiting: int = 0) -> None:
         for tick in ticks:
@@ -307,3 +317,81 @@ def test_one_that_is_waited_for_is_not() -> None:
     model = Skips()
     Bench(model).take(range(3), waiting=41)
     assert model.told == []
+
+
+class SeesRuts(EveryFortyTicks):
+    """Notes the ruts of states."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.ruts: list[Ruts | UnsetType] = []
+
+    def readings(self, state: State) -> Iterable[Made]:
+        self.ruts.append(state.ruts)
+        return super().readings(state)
+
+
+def tile(key: int) -> bytes:
+    record = np.zeros(1, TILE)
+    record["key"] = key
+    return record.tobytes()
+
+
+ONE, BOTH = tile(1), tile(1) + tile(2)
+DIGESTS = {content: digest_of(split(content)) for content in (ONE, BOTH)}
+KNOWN = {digest: content for content, digest in DIGESTS.items()}
+FIRST = Ruts(DIGESTS[ONE], NO_RUTS, memoryview(ONE))
+SECOND = Ruts(DIGESTS[BOTH], DIGESTS[ONE], memoryview(tile(2)))
+ALL = Ruts(DIGESTS[BOTH], NO_RUTS, memoryview(BOTH))
+SAME = Ruts(DIGESTS[BOTH])
+
+
+@pytest.mark.parametrize(
+    ("sent", "asked", "seen"),
+    [
+        # All changes arrive: nothing is asked.
+        ([(0, UNSET), (1, FIRST), (2, SECOND), (3, SAME)], 0, [UNSET, FIRST, SECOND, SAME]),
+        # A sensor that starts late asks once.
+        ([(7, SAME), (8, SAME)], 1, [ALL, SAME]),
+        # It may start with a change of what it does not know.
+        ([(7, SECOND)], 1, [ALL]),
+        # The state with a change is lost.
+        ([(0, UNSET), (1, FIRST), (3, SAME), (4, SAME)], 1, [UNSET, FIRST, ALL, SAME]),
+        # The ground is levelled.
+        ([(0, FIRST), (1, UNSET), (2, FIRST)], 0, [FIRST, UNSET, FIRST]),
+    ],
+)
+def test_ruts_that_were_missed_are_asked_for_by_their_digest(
+    sent: Sequence[tuple[int, Ruts | UnsetType]], asked: int, seen: Sequence[Ruts | UnsetType]
+) -> None:
+    bench = Bench(model := SeesRuts(), ruts=KNOWN)
+    for tick, ruts in sent:
+        state = State("run", 0, 0, tick, tick * TICK_NANOS, HASH, {}, ruts=ruts)
+        bench.sensor.take(state)
+    assert len(bench.asked_ruts) == asked
+    assert model.ruts == list(seen)
+    assert bench.sensor.refused == 0
+
+
+@pytest.mark.parametrize("answer", [b"", ONE, b"?"])
+def test_ruts_with_another_digest_are_refused(answer: bytes) -> None:
+    bench = Bench(model := SeesRuts(), ruts={DIGESTS[BOTH]: answer})
+    for tick in (5, 6):
+        bench.sensor.take(State("run", 0, 0, tick, tick * TICK_NANOS, HASH, {}, ruts=SAME))
+    assert model.ruts == [SAME, SAME]
+    assert (bench.sensor.refused, len(bench.asked_ruts)) == (1, 1)
+
+
+def test_a_model_of_another_world_gets_all_ruts() -> None:
+    other = "cd" * 32
+    bench = Bench(model := SeesRuts(), worlds=[other], ruts=KNOWN)
+    bench.sensor.take(State("run", 0, 0, 0, 0, HASH, {}, ruts=ALL))
+    bench.sensor.take(State("run", 0, 0, 1, TICK_NANOS, other, {}, ruts=SAME))
+    assert model.ruts == [ALL, ALL]
+
+
+def test_a_sensor_that_sees_no_world_asks_for_no_ruts() -> None:
+    bench = Bench(model := SeesRuts())
+    bench.sensor.take(State("run", 0, 0, 0, 0, HASH, {}, ruts=SAME))
+    assert model.ruts == [SAME]
+    assert bench.asked_ruts == []

@@ -6,7 +6,8 @@
 // TRUTH: depth and labels instead of colors. GROUND: terrain instead of meshes; number of its
 // materials. SOILS: each of these materials has a label. BUMPS: normal maps. LIGHTS: number of
 // lights, which are the SUN or lamps. MAPS: number of shadow maps. WINDOW: the last one is around
-// the eye. FOG: there is fog.
+// the eye. FOG: there is fog. RUTS: some cells of the terrain are drawn apart, by PRESSED, which has
+// shading of its own.
 
 #ifdef GROUND
 // Bias of the mipmap level for patterns of the ground. The camera looks along the ground, while
@@ -18,6 +19,15 @@ uniform usampler2D kinds;  // materials of cells
 uniform sampler2DArray patterns;
 uniform vec4 patterns_at[GROUND];  // of materials: layer, repetitions a meter, the eye's place
 uniform vec4 cells_at;  // of the eye, and of a meter to the east and to the north
+#ifdef PRESSED
+centroid in vec4 pressed;  // normal, and the sun's light over that on the map's surface
+#endif
+#ifdef RUTS
+uniform usampler2D rutted;  // cells that are drawn apart
+
+// Of each cell a strip of this width, in cells, is drawn in any case: no gap shows along edges.
+const float OVERLAP = 0.004;
+#endif
 #else
 uniform sampler2D base;
 uniform sampler2D bumps;
@@ -40,11 +50,30 @@ centroid in vec3 seen;
 in float ahead_m;
 centroid in vec4 in_shadow_map[LIGHTS];
 flat in int thing;
+
+#ifdef RUTS
+bool is_apart(vec2 cell) {
+    ivec2 last = textureSize(rutted, 0) - 1;
+    return texelFetch(rutted, clamp(ivec2(floor(cell)), ivec2(0), last), 0).r != 0u;
+}
+
+void leave_out_ruts() {
+    vec2 cell = (cells_at.xy + cells_at.zw * seen.xy) * vec2(textureSize(rutted, 0));
+    vec2 one = vec2(OVERLAP), other = vec2(OVERLAP, -OVERLAP);
+    if (is_apart(cell) && is_apart(cell + one) && is_apart(cell - one) && is_apart(cell + other) &&
+        is_apart(cell - other))
+        discard;
+}
+#endif
+
 #ifdef TRUTH
 layout(location = 0) out float depth;
 layout(location = 1) out int label;
 
 void main() {
+#ifdef RUTS
+    leave_out_ruts();
+#endif
     depth = ahead_m;
 #ifdef SOILS
     label = thing + int(texture(kinds, cells_at.xy + cells_at.zw * seen.xy).r);
@@ -92,7 +121,12 @@ vec3 bumped(vec3 n) {
 #endif
 
 void main() {
-#ifdef GROUND
+#ifdef RUTS
+    leave_out_ruts();
+#endif
+#ifdef PRESSED
+    vec3 n = normalize(pressed.xyz);
+#elif defined(GROUND)
     vec3 n = vec3(0.0, 0.0, 1.0);  // the sun's share is known; all get alike of the sky
 #else
     vec3 n = outwards;
@@ -115,6 +149,9 @@ void main() {
     for (int i = 0; i < LIGHTS; ++i) {
 #if defined(SUN) && defined(GROUND)
         float share = here.a;
+#ifdef PRESSED
+        share *= pressed.w;
+#endif
 #elif defined(SUN)
         float share = max(dot(n, light_at[i].xyz), 0.0);
 #else
