@@ -18,7 +18,7 @@ from udp_bridge import Limits, Message, fragments
 from udp_bridge.io.native import batch_io
 from udp_bridge.io.udp_socket import UdpSocket
 from udp_bridge.receiver.inbox import Inbox
-from udp_bridge.receiver.small_topics import SmallMessage
+from udp_bridge.receiver.small_topics import SmallMessage, WholeMessage
 
 from .reassembly import BATCH, message, mutated, run_batches
 
@@ -29,6 +29,8 @@ CHUNK = 40
 PAUSES_NANOS = (0, 1000, 10**6, 10**8, 2 * 10**9)
 SMALL = 10
 """Messages of a stream of small ones."""
+CALM = 100
+"""Messages of several parts that arrive before anything disturbs them."""
 KEPT = 50
 """Delivered messages whose bodies are checked again later."""
 
@@ -38,7 +40,7 @@ class Inboxes:
 
     def __init__(self) -> None:
         self.counts = Counter[str]()
-        """`datagrams`, `in_slots`, `small` and `messages`."""
+        """`datagrams`, `in_slots`, `small`, `whole` and `messages`."""
         self._now_nanos = 0
         self._socket = UdpSocket(("127.0.0.1", 0), receive_buffer=8 << 20, wait_s=0.1)
         # Datagrams on loopback have arrived when they are sent: there is nothing to wait for.
@@ -101,6 +103,13 @@ class Inboxes:
                 delivered[-1] = delivered[-1]._replace(now_nanos=self._now_nanos)
                 found.append(batch.message)
                 continue
+            if isinstance(batch, WholeMessage):
+                self.counts["whole"] += 1
+                record = batch.delivered._replace(now_nanos=self._now_nanos)
+                self._batched.take_whole(batch._replace(delivered=record))
+                self._batched.follow_whole(slots, credits, batch)
+                found.append(batch.message)
+                continue
             self.counts["in_slots"] += batch.parts_count
             received = self._batched.receive_batch(slots, batch, self._now_nanos)
             found += [one for one, _, _ in received if one is not None]
@@ -129,12 +138,20 @@ def stream(rng: random.Random, first: int) -> list[bytes]:
     """Return the datagrams of some valid messages of one topic, most of them of one size."""
     size, cut = rng.choice([9, 200, 2000, 9000, 30_000]), rng.choice([256, 300, 1472])
     found = []
+    topics = rng.choice(["a", "b", "ab"])
     for seq in range(first, first + rng.randint(1, 4)):
         body = rng.randbytes(size if rng.random() < 0.8 else rng.randint(1, size))
-        stamp_nanos = seq % (1 << 30) * 10**9
-        whole = Message(1, rng.choice("ab"), "l", stamp_nanos, seq % (1 << 32), body)
+        stamp_nanos = (seq - (rng.random() < 0.05)) % (1 << 30) * 10**9
+        whole = Message(1, rng.choice(topics), "l", stamp_nanos, seq % (1 << 32), body)
         found += [head + bytes(part) for head, part in fragments(whole, cut)]
     return found
+
+
+def calm_stream(rng: random.Random) -> list[bytes]:
+    """Return the datagrams of messages of one size and topic, in order."""
+    size = rng.choice([2000, 9000])
+    whole = [Message(1, "d", "l", seq * 10**9, seq, rng.randbytes(size)) for seq in range(CALM)]
+    return [head + bytes(part) for one in whole for head, part in fragments(one, 1472)]
 
 
 def small_stream(rng: random.Random, first: int) -> list[bytes]:
@@ -185,12 +202,15 @@ def run_batch(seed: int) -> Counter[str]:
     rng = random.Random(seed)
     inboxes = Inboxes()
     first, small = 0, rng.choice([0, (1 << 32) - 55])
+    calm = [(raw, 0) for raw in calm_stream(rng)]
+    for begin in range(0, len(calm), CHUNK):
+        inboxes.feed(calm[begin : begin + CHUNK], rng.choice(PAUSES_NANOS))
     while inboxes.counts["datagrams"] < BATCH:
         is_small = rng.random() < 0.3
         whole = small_stream(rng, small) if is_small else repeated(rng, stream(rng, first))
         small += SMALL * is_small
-        cut = disturbed(rng, whole, rng.choice([0, 0, 0.03, 0.3, 1]))
-        first += rng.choice([1, 2, 4, 4, 4, -3 if first > 3 else 0])
+        cut = disturbed(rng, whole, rng.choice([0, 0, 0, 0, 0.03, 0.3, 1]))
+        first += -3 if first > 3 and rng.random() < 0.03 else rng.choice([1, 2, 4, 4, 4])
         if rng.random() < 0.05:  # farther ahead or behind than networks reorder
             first = max(0, first + rng.choice([2990, 5000, -150, 1 << 30])) % (1 << 32)
         if rng.random() < 0.05:  # a restart after a silence
@@ -209,8 +229,8 @@ def main() -> int:
     counts, summary = run_batches("fuzz.batches", run_batch)
     how = "many at a time" if batch_io else "one at a time"
     print(
-        f"{summary}; received {how}, {counts['in_slots']} in their slots; equal to single"
-        " datagrams, nothing raised, limits held"
+        f"{summary}; received {how}, {counts['in_slots']} in their slots, {counts['whole']} whole"
+        " messages; equal to single datagrams, nothing raised, limits held"
     )
     return 0
 

@@ -31,6 +31,7 @@ def test_batches_of_parts_give_what_single_datagrams_give() -> None:
     assert counts["in_slots"] > BATCH / 10
     assert counts["messages"] > BATCH / 100
     assert counts["small"] > BATCH / 100
+    assert counts["whole"] > batches.CALM / 2
 
 
 @pytest.mark.nightly

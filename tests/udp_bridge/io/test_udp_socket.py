@@ -15,6 +15,7 @@ from udp_bridge import Header, Message, parse
 from udp_bridge.io.native import batch_io
 from udp_bridge.io.udp_socket import NativeBatches, PortableBatches
 from udp_bridge.receiver.receive_slots import NO_SLOTS, CreditState, PartBatch, ReceiveSlots
+from udp_bridge.receiver.small_topics import Source, TopicRow, WholeMessage, state_of
 from udp_bridge.sender.repair import Fec, repair_parts
 from udp_bridge.sender.send_queue import OutgoingBatch
 from udp_bridge.wire.control import Credit
@@ -428,6 +429,103 @@ def test_credits_are_those_that_python_would_send(pair: Pair, topic: str) -> Non
         told = Message(64, topic, "", 5 + 3, number, b"")
         assert raw[:offset] == told.header().pack()
         assert parse_control(raw[offset:]) == Credit(1, part, 3, buffer)
+
+
+IMU = 2
+"""A type whose messages are ordered by stamp."""
+
+
+def row_of(msg_type: int, last: tuple[int, int]) -> TopicRow:
+    source = Source(("127.0.0.1", 1), (msg_type, "/points"), "lidar")
+    return source, state_of(msg_type, last), msg_type, "/points", "lidar"
+
+
+@needs_many
+@pytest.mark.parametrize("size", [1001, 4500, 20_000])
+def test_the_next_message_is_returned_as_such_if_it_is_whole(pair: Pair, size: int) -> None:
+    parts = parts_of(size, 3)
+    one, two = delivered(pair, whole(parts))
+    row = row_of(1, (2, 7))
+    found, _ = NativeBatches().receive(
+        two, place(parts, one, is_open=False)._replace(row=row), CREDITS
+    )
+    assert isinstance(found, WholeMessage)
+    count = parts.cut.parts_max
+    assert found.message == Message(1, "/points", "lidar", 8, 3, parts.body, count)
+    assert found.message.body.readonly
+    assert (found.header, found.credits_sent) == (parts.packed, 1)
+    total = size + count * len(parts.packed)
+    assert found.delivered[:5] == (row[0], (3, 8), size, count, total)
+    assert row[1] == state_of(1, (3, 8))
+
+
+@needs_many
+@pytest.mark.parametrize(
+    ("last", "is_open", "order"),
+    [
+        ((1, 7), False, (0, 1, 2)),  # another number is next
+        ((3, 7), False, (0, 1, 2)),
+        ((2, 9), False, (0, 1, 2)),  # it is older
+        ((2, 7), True, (0, 1, 2)),  # parts of it arrived before
+        ((2, 7), False, (0, 2, 1)),
+    ],
+)
+def test_any_other_message_is_returned_as_its_parts(
+    pair: Pair, last: tuple[int, int], is_open: bool, order: tuple[int, ...]
+) -> None:
+    parts = parts_of(2500, 3)
+    one, two = delivered(pair, (whole(parts)[number] for number in order))
+    row = row_of(IMU, last)
+    at = place(parts, one, is_open=is_open)._replace(row=row)
+    run, _ = NativeBatches().receive(two, at, CREDITS)
+    assert isinstance(run, PartBatch)
+    assert run.parts_count == 3
+    assert row[1] == state_of(IMU, last)
+
+
+@needs_many
+def test_a_row_of_a_topic_is_checked(pair: Pair) -> None:
+    parts = parts_of(2500, 3)
+    for row in [(1, 2), (None, b"x" * 16, 1, "", ""), (None, bytearray(15), 1, "", "")]:
+        one, two = delivered(pair, whole(parts))
+        at = place(parts, one, is_open=False)._replace(row=row)  # type: ignore[arg-type]
+        with pytest.raises(TypeError):
+            NativeBatches().receive(two, at, CREDITS)
+
+
+@needs_many
+@pytest.mark.parametrize("size", [1001, 20_000, 1000 * 255])
+def test_a_large_message_is_sent_under_its_number_and_stamp(pair: Pair, size: int) -> None:
+    one, two = pair
+    parts, unsent = parts_of(size), list[int]()
+    send = NativeBatches().large_sender(one, unsent.append)
+    assert send is not None
+    shape = parts.packed, size, PART, parts.cut.parts_max
+    assert send(two.getsockname(), *shape, 2**32 - 1, -1, parts.body) == parts.cut.parts_max
+    header = Message(1, "/points", "lidar", -1, 2**32 - 1, b"").header(
+        parts_max=parts.cut.parts_max
+    )
+    assert [two.recv(2000) for _ in range(parts.cut.parts_max)] == whole(
+        Parts(header.pack(), parts.body, parts.cut)
+    )
+    assert send(two.getsockname(), *shape, 0, 1, parts.body[1:]) == -1
+    assert send(two.getsockname(), *shape, 0, 2**31 * 10**9, parts.body) == -1
+    for wrong in [(b"", *shape[1:]), (*shape[:3], parts.cut.parts_max + 1)]:
+        with pytest.raises(ValueError, match=r"no header|do not lie"):
+            send(two.getsockname(), *wrong, 0, 1, parts.body)
+    assert unsent == []
+
+
+@needs_many
+def test_parts_that_the_kernel_does_not_take_are_counted(pair: Pair) -> None:
+    one, two = pair
+    parts, unsent = parts_of(2500), list[int]()
+    send = NativeBatches().large_sender(one, unsent.append)
+    assert send is not None
+    huge = bytes(2 * 65_600 + 5)  # the first two datagrams would be larger than any
+    assert send(two.getsockname(), parts.packed, len(huge), 65_600, 3, 0, 1, huge) == 1
+    assert unsent == [2]
+    assert two.recv(2000)[6] == 2
 
 
 @pytest.mark.parametrize("receiving", BATCHES)

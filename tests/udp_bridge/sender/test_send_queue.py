@@ -6,15 +6,17 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from udp_bridge import BadMessage, Header, Message, TooLarge, parse
+from udp_bridge.sender.flow_control import BATCH_BYTES
 from udp_bridge.sender.repair import Fec, Mode, RepairTable, Resend
 from udp_bridge.sender.send_queue import (
     MAX_TEMPLATES,
+    DirectSenders,
     OutgoingDatagram,
     SendQueue,
     take_in_turn,
 )
 from udp_bridge.sender.waiting import SMALL_PER_TOPIC
-from udp_bridge.wire.fragments import datagram_of
+from udp_bridge.wire.fragments import Split, datagram_of
 from udp_bridge.wire.header import Buffer, is_stamp, restamped
 from udp_bridge.wire.message import Address, DatagramKey
 from udp_bridge.wire.repair import Offer, Request, parse_resend
@@ -276,6 +278,91 @@ def queue_with_large_template(size: int, **options: Any) -> SendQueue:
 def taken_large(box: SendQueue, message: Message, most_bytes: int) -> OutgoingDatagram | None:
     msg_type, topic, link, stamp_nanos, _, body, _ = message
     return box.take_large_directly(0, most_bytes, msg_type, topic, link, stamp_nanos, body)
+
+
+def taken_whole(
+    box: SendQueue, message: Message, *others: SendQueue, lost: int = 0
+) -> tuple[tuple[int, int, int], list[tuple[bytes, bytes]]]:
+    """Return what `send_directly` returns, and the datagrams that the socket gets."""
+    sent = []
+
+    def send(
+        _: Address, packed: bytes, size: int, part: int, parts: int, number: int, at: int, body: Any
+    ) -> int:
+        if memoryview(body).nbytes != size:
+            return -1
+        stamped = restamped(packed, number, at)
+        sent.extend(
+            (bytes(head), bytes(piece))
+            for head, piece in (
+                datagram_of(stamped, memoryview(body), Split(part, parts), index)
+                for index in range(parts)
+            )
+        )
+        return parts - lost
+
+    msg_type, topic, link, stamp_nanos, _, body, _ = message
+    fields = (msg_type, topic, link, stamp_nanos, body)
+    result = box.send_directly(DirectSenders(large=send), [box, *others], 0, *fields)
+    return result, sent
+
+
+@settings(max_examples=40)  # to compare a megabyte takes a while
+@given(
+    st.integers(65_281, 900_000),
+    st.lists(st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1), min_size=1, max_size=4),
+    st.booleans(),
+)
+def test_sending_a_large_message_by_one_call_equals_put_and_take(
+    size: int, stamps: list[int], signed_peer: bool
+) -> None:
+    short, long = (queue_with_large_template(size, signed_peer=signed_peer) for _ in range(2))
+    for stamp_nanos in stamps:
+        result, datagrams = taken_whole(short, cloud_of(size, stamp_nanos))
+        long.put(cloud_of(size, stamp_nanos))
+        queued = []
+        while (one := long.take(0)) is not None:
+            queued.append((one.header, bytes(one.part)))
+        assert datagrams == queued
+        total = sum(len(head) + len(body) for head, body in datagrams)
+        assert result == (total, len(datagrams), len(datagrams))
+        assert short.current_topic == (33, "/image")
+    assert short.delivery.counts(0) == long.delivery.counts(0)
+    assert short.flow.window.in_flight_bytes == long.flow.window.in_flight_bytes
+
+
+def test_a_large_message_that_has_to_wait_is_not_sent_by_one_call() -> None:
+    size = 200_000
+    box = queue_with_large_template(size)
+    nothing = ((0, 0, 0), [])
+    assert taken_whole(box, cloud_of(size + 1)) == nothing
+    assert taken_whole(box, cloud_of(size, topic="/other")) == nothing
+    assert taken_whole(box, cloud_of(size, 2**31 * 10**9)) == nothing
+    assert taken_whole(box, message("/imu")) == nothing
+    other = queue_with_large_template(size)
+    other.put(cloud_of(size))
+    assert taken_whole(box, cloud_of(size), other) == nothing  # it would overtake one that waits
+    huge = queue_with_large_template(BATCH_BYTES)
+    assert taken_whole(huge, cloud_of(BATCH_BYTES)) == nothing
+    resent = queue_with_large_template(size, repair={(33, "/image"): Resend(10**9)})
+    assert taken_whole(resent, cloud_of(size)) == nothing
+    stranger = SendQueue(TO, "loopback")  # no Credit came
+    stranger.put(cloud_of(size))
+    while stranger.take(10**9, 1 << 20) is not None:
+        pass
+    assert taken_whole(stranger, cloud_of(size)) == nothing
+    assert taken_whole(box, cloud_of(size))[0][1:] == (4, 4)
+    while (result := taken_whole(box, cloud_of(size)))[0][2]:
+        pass
+    assert result == nothing  # the window is full
+    assert box.flow.window.room(65_312) < 4
+
+
+def test_parts_that_were_not_sent_by_one_call_are_not_counted_as_sent() -> None:
+    box = queue_with_large_template(200_000)
+    (size, sent, parts), datagrams = taken_whole(box, cloud_of(200_000), lost=1)
+    assert (sent, parts) == (3, 4)
+    assert size == 3 * (len(datagrams[0][0]) + len(datagrams[0][1]))
 
 
 @settings(max_examples=40)  # to compare a megabyte takes a while
