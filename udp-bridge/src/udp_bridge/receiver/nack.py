@@ -14,7 +14,7 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 from udp_bridge.wire.header import SEQ_NUMBERS, Header
 from udp_bridge.wire.repair import WHOLE_MAX, Offer, Request, parts_of
 
-from .ordering import MAX_AHEAD, ahead_by
+from .ordering import MAX_AHEAD, MessageKey, ahead_by
 from .round_trip import RoundTrip
 
 MAX_COPIES = 3
@@ -143,15 +143,13 @@ class NackTracker:
         entry = self._find(header, header.parts_max)
         return entry is not None and entry.is_requested
 
-    def is_next(self, header: Header) -> bool:
-        """Tell whether a message is the next one and nothing before it is missing."""
-        newest = self._newest
-        return (
-            newest is not None
-            and header.seq_number == (newest + 1) % SEQ_NUMBERS
-            and not self._entries
-            and self._due_nanos is None
-        )
+    def is_settled(self, seq_number: int) -> bool:
+        """Tell whether this number is the newest one and nothing is missing."""
+        return self._newest == seq_number and not self._entries and self._due_nanos is None
+
+    def on_whole(self, key: MessageKey) -> None:
+        """Take a whole message that was the next one while all before it was settled."""
+        self._newest, self._newest_stamp_nanos = key
 
     @property
     def due_nanos(self) -> int:

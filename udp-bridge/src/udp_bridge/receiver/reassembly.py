@@ -12,7 +12,7 @@ from itertools import chain
 from typing import Hashable, List, Optional, Tuple
 
 from udp_bridge.wire import control, fec
-from udp_bridge.wire.header import Buffer, Header, Refused, parse
+from udp_bridge.wire.header import SEQ_NUMBERS, Buffer, Header, Refused, parse
 from udp_bridge.wire.message import Message, TopicKey
 from udp_bridge.wire.repair import Offer, parse_resend, parse_symbol
 from udp_bridge.wire.reports import TopicReport
@@ -200,7 +200,7 @@ class Reassembler:
         nacks = topic.nacks
         if (
             not self._senders.fits_alone(announced_bytes)
-            or (nacks is not None and not nacks.is_next(header))
+            or (nacks is not None and not nacks.is_settled((header.seq_number - 1) % SEQ_NUMBERS))
             or not topic.order.deliver_next(header, now_nanos)
         ):
             return None
@@ -265,19 +265,23 @@ class Reassembler:
         topic = self._senders.find(source.sender, source.key)
         if (
             topic is None
-            or topic.nacks is not None
             or topic.small is not None
             or not topic.sender.is_proven
             or not self._senders.fits_alone(size)
         ):
             return None
-        return topic.order.last
+        last = topic.order.last
+        if last is None or (topic.nacks is not None and not topic.nacks.is_settled(last[0])):
+            return None
+        return last
 
     def record(self, message: DeliveredMessage) -> None:
         """Apply the rules to a message that its user has got already."""
         source = message.source
         topic = self._senders.topic(source.sender, source.key)
         topic.order.record_next(message.key, message.now_nanos)
+        if topic.nacks is not None:
+            topic.nacks.on_whole(message.key)
         topic.link = source.link
         topic.log.mark_delivered(message.key, message.body_size)
 
