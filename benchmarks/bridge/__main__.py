@@ -34,6 +34,7 @@ PARTS: dict[str, Callable[[bool, Path], BenchmarkResult]] = {
 _LABELS = {
     "UDP Bridge": "UDP Bridge, from send",
     "from the bus": "UDP Bridge, from the sensor's publish on the bus",
+    "by a router": "the same by Zenoh and its router, as from another host",
     "C program": "C program, until the message is whole",
     "ROS# way": "ROS# way (rosbridge's calls, read by the leanest server)",
     "rosbridge": "the same calls, read by rosbridge itself",
