@@ -211,9 +211,9 @@ def loaded_by(*modules: str) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("modules", "most"),
     [
-        (("services.router.__main__",), 25),
-        (("services.sensors.imu.__main__", "services.sensors.imu.model"), 107),
-        (("services.gateway.__main__",), 167),
+        (("services.router.__main__",), 27),
+        (("services.sensors.imu.__main__", "services.sensors.imu.model"), 108),
+        (("services.gateway.__main__",), 169),
     ],
     ids=["router", "imu", "gateway"],
 )
