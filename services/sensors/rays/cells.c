@@ -32,18 +32,18 @@ static inline struct view view_of(const struct terrain *terrain, const struct co
                              upwards * courses->way[1][lane]};
 }
 
-/* Meet a triangle between two instants, all of which are above it. */
-static inline int meet(const struct terrain *terrain, struct courses *courses, int lane,
-                       int32_t column, int32_t row, int half, double in, double out)
-{
-    const struct view view = view_of(terrain, courses, lane, column, row, half);
-    if (view.height + out * view.rate > 0)
-        return 0;
-    /* No number where the ray runs along the plane. */
-    courses->end[lane] = most(least(-view.height / view.rate, out), in);
-    courses->triangle[lane] = 2 * (row * terrain->cells[0] + column) + half;
-    return 1;
-}
+/* Rays of a packet on their way from cell to cell, each to its own next one. */
+struct walk {
+    double column[LANES], row[LANES];
+    double in[LANES], out[LANES];            /* when it comes to its cell, and leaves it */
+    double end[LANES];                       /* before `in` when it has ended */
+    double south[2][LANES], north[2][LANES]; /* heights of its cell's corners */
+    double x[LANES], y[LANES];               /* when the next column and row begin */
+    double ahead_x[LANES], ahead_y[LANES];   /* 1 for rays that go east or north */
+    double per_x[LANES], per_y[LANES];       /* inverse of the way */
+    double never_x[LANES], never_y[LANES];   /* infinite where no other column or row comes */
+    int base;                                /* number of the first ray */
+};
 
 /* Tell whether there may be ruts in a cell. */
 static int is_rutted(const struct terrain *terrain, int32_t column, int32_t row)
@@ -109,7 +109,7 @@ static double meet_half(const struct courses *courses, int lane, const struct fi
     return most(least(-height / rate, out), in);
 }
 
-/* Meet a part of a cell between two instants, as `meet_cell` does a cell. */
+/* Meet a part of a cell between two instants, as `meet_cells` does cells. */
 static double meet_part(const struct courses *courses, int lane, const struct fine_course *fine,
                         int32_t i, int32_t j, const double corners[4], double in, double out)
 {
@@ -162,60 +162,187 @@ static int meet_ruts(const struct terrain *terrain, struct courses *courses, int
     }
 }
 
-/* Meet a cell's triangles between two instants, all of which are above the cell. */
-static int meet_cell(const struct terrain *terrain, struct courses *courses, int lane,
-                     int32_t column, int32_t row, double in, double out)
+/* The triangles of cells on the ways of rays, the second only where a ray crosses two. */
+struct crossed {
+    double half[2][LANES];      /* 1 in the north-east */
+    double from[2][LANES], to[2][LANES];
+    double second[LANES];       /* 1 where there is a second one */
+    double meets[2][LANES], at[2][LANES];
+};
+
+/* Meet the triangles of cells that rays may meet, and let those end that do. All are above the cell
+ * when they come to it. */
+static INLINED void meet_cells(const struct terrain *terrain, struct courses *courses, int base,
+                              const double may_meet[LANES], struct walk *walk)
 {
-    const double start = courses->start[0][lane] - column + (courses->start[1][lane] - row) - 1;
-    const double rate = courses->way[0][lane] + courses->way[1][lane];
-    const double enters = start + in * rate, leaves = start + out * rate;
-    if (enters * leaves < 0) {
+    const double *start_x = courses->start[0] + base, *way_x = courses->way[0] + base;
+    const double *start_y = courses->start[1] + base, *way_y = courses->way[1] + base;
+    const double *start_z = courses->start[2] + base, *way_z = courses->way[2] + base;
+    struct crossed crossed;
+    EACH_LANE {
+        const double in = walk->in[lane], out = walk->out[lane];
+        const double x = start_x[lane] - walk->column[lane], y = start_y[lane] - walk->row[lane];
+        const double start = x + y - 1;
+        const double rate = way_x[lane] + way_y[lane];
+        const double enters = start + in * rate, leaves = start + out * rate;
         const double middle = in + (out - in) * (enters / (enters - leaves));
-        return meet(terrain, courses, lane, column, row, enters > 0, in, middle) ||
-               meet(terrain, courses, lane, column, row, leaves > 0, middle, out);
+        const double one = enters + leaves > 0, first = enters > 0;
+        const int crosses = enters * leaves < 0;
+        crossed.second[lane] = crosses;
+        crossed.half[0][lane] = crosses ? first : one;
+        crossed.half[1][lane] = leaves > 0;
+        crossed.from[0][lane] = in;
+        crossed.from[1][lane] = middle;
+        crossed.to[0][lane] = crosses ? middle : out;
+        crossed.to[1][lane] = out;
     }
-    return meet(terrain, courses, lane, column, row, enters + leaves > 0, in, out);
+    for (int i = 0; i < 2; i++)
+        EACH_LANE {
+            const double a = walk->south[0][lane], b = walk->south[1][lane];
+            const double c = walk->north[0][lane], d = walk->north[1][lane];
+            const double half = crossed.half[i][lane];
+            const double corner = half > 0 ? d : a;
+            const double east = half > 0 ? d - c : b - a, upwards = half > 0 ? d - b : c - a;
+            const double x = start_x[lane] - walk->column[lane] - half;
+            const double y = start_y[lane] - walk->row[lane] - half;
+            const double height = start_z[lane] - corner - east * x - upwards * y;
+            const double rate = way_z[lane] - east * way_x[lane] - upwards * way_y[lane];
+            const double to = crossed.to[i][lane];
+            crossed.meets[i][lane] = !(height + to * rate > 0);
+            /* No number where the ray runs along the plane. */
+            crossed.at[i][lane] = most(least(-height / rate, to), crossed.from[i][lane]);
+        }
+    for (int lane = 0; lane < LANES; lane++) {
+        if (!(may_meet[lane] > 0))
+            continue;
+        const int32_t column = (int32_t)walk->column[lane], row = (int32_t)walk->row[lane];
+        if (courses->sign[base + lane] > 0 && is_rutted(terrain, column, row)) {
+            if (meet_ruts(terrain, courses, base + lane, column, row, walk->in[lane],
+                          walk->out[lane]))
+                walk->end[lane] = -INFINITY;
+            continue;
+        }
+        const int first = crossed.meets[0][lane] > 0;
+        const int second = crossed.second[lane] > 0 && crossed.meets[1][lane] > 0;
+        if (first || second) {
+            courses->end[base + lane] = crossed.at[!first][lane];
+            courses->triangle[base + lane] = 2 * (row * terrain->cells[0] + column) +
+                                             (crossed.half[!first][lane] > 0);
+            walk->end[lane] = -INFINITY;
+        }
+    }
 }
 
-void groundlink_cross_cells(const struct terrain *terrain, struct courses *courses, int lane,
-                            double from, double to)
+/* Find out when the next column and row begin. */
+static INLINED void look_ahead(const struct courses *courses, struct walk *walk)
 {
-    const double start_x = courses->start[0][lane], way_x = courses->way[0][lane];
-    const double start_y = courses->start[1][lane], way_y = courses->way[1][lane];
-    const double start_z = courses->start[2][lane] - CLEARANCE, way_z = courses->way[2][lane];
-    const double inverse_x = courses->inverse[0][lane], inverse_y = courses->inverse[1][lane];
-    const float sign = (float)courses->sign[lane];
-    const ptrdiff_t width = terrain->cells[0] + 1;
-    int32_t column = within(start_x + from * way_x, terrain->cells[0]);
-    int32_t row = within(start_y + from * way_y, terrain->cells[1]);
-    const int32_t eastwards = way_x > 0 ? 1 : -1, northwards = way_y > 0 ? 1 : -1;
-    const int32_t ahead_x = way_x > 0, ahead_y = way_y > 0;
-    double x = way_x == 0 ? INFINITY : (column + ahead_x - start_x) * inverse_x;
-    double y = way_y == 0 ? INFINITY : (row + ahead_y - start_y) * inverse_y;
-    const float *south = terrain->heights + row * width + column;
-    for (double in = from;;) {
-        const double next = least(x, y);
-        const double out = most(least(next, to), in);
-        const float a = sign * south[0], b = sign * south[1], c = sign * south[width],
-                    d = sign * south[width + 1];
-        const float ab = a > b ? a : b, cd = c > d ? c : d;
-        if (start_z + (way_z < 0 ? out : in) * way_z <= (ab > cd ? ab : cd) &&
-            (sign > 0 && is_rutted(terrain, column, row)
-                 ? meet_ruts(terrain, courses, lane, column, row, in, out)
-                 : meet_cell(terrain, courses, lane, column, row, in, out)))
-            return;
-        if (!(next < to))
-            return;
-        in = out;
-        if (x < y) {
-            column += eastwards;
-            south += eastwards;
-            x = (column + ahead_x - start_x) * inverse_x;
-        } else {
-            row += northwards;
-            south += northwards * width;
-            y = (row + ahead_y - start_y) * inverse_y;
+    const int base = walk->base;
+    EACH_LANE {
+        const double x = walk->column[lane] + walk->ahead_x[lane] - courses->start[0][base + lane];
+        const double y = walk->row[lane] + walk->ahead_y[lane] - courses->start[1][base + lane];
+        walk->x[lane] = x * walk->per_x[lane] + walk->never_x[lane];
+        walk->y[lane] = y * walk->per_y[lane] + walk->never_y[lane];
+    }
+}
+
+/* Begin the way of those of some lanes that have met nothing. */
+static INLINED void set_out(const struct terrain *terrain, const struct courses *courses, int first,
+                           int lanes, double from, double to, struct walk *walk)
+{
+    const int base = walk->base;
+    const double *start_x = courses->start[0] + base, *start_y = courses->start[1] + base;
+    for (int lane = 0; lane < LANES; lane++) {
+        const double in = walk->in[lane] = most(courses->begin[base + lane], from);
+        const double end = least(to, courses->end[base + lane]);
+        const int walks = base + lane >= first && base + lane < first + lanes && in < end &&
+                          courses->triangle[base + lane] < 0;
+        walk->end[lane] = walks ? end : -INFINITY;
+    }
+    EACH_LANE {
+        const double way_x = courses->way[0][base + lane], way_y = courses->way[1][base + lane];
+        walk->ahead_x[lane] = way_x > 0;
+        walk->ahead_y[lane] = way_y > 0;
+        const double in = walk->in[lane];
+        walk->column[lane] = within(start_x[lane] + in * way_x, terrain->cells[0]);
+        walk->row[lane] = within(start_y[lane] + in * way_y, terrain->cells[1]);
+        walk->never_x[lane] = way_x == 0 ? INFINITY : 0;
+        walk->never_y[lane] = way_y == 0 ? INFINITY : 0;
+        walk->per_x[lane] = way_x == 0 ? 0 : courses->inverse[0][base + lane];
+        walk->per_y[lane] = way_y == 0 ? 0 : courses->inverse[1][base + lane];
+    }
+    look_ahead(courses, walk);
+}
+
+/* Cross a cell; return whether any ray goes on. */
+static INLINED int64_t step(const struct terrain *terrain, struct courses *courses, double sign,
+                           struct walk *walk)
+{
+    const double *start_z = courses->start[2] + walk->base, *way_z = courses->way[2] + walk->base;
+    const int32_t width = terrain->cells[0] + 1;
+    int32_t south[LANES];
+    double may_meet[LANES], goes[LANES], beside[LANES];
+    int64_t any = 0;
+    EACH_LANE
+        south[lane] = (int32_t)(walk->row[lane] * width + walk->column[lane]);
+    EACH_LANE
+        for (int i = 0; i < 2; i++) {
+            walk->south[i][lane] = sign * terrain->heights[south[lane] + i];
+            walk->north[i][lane] = sign * terrain->heights[south[lane] + width + i];
         }
+    EACH_LANE {
+        const double a = walk->south[0][lane], b = walk->south[1][lane];
+        const double c = walk->north[0][lane], d = walk->north[1][lane];
+        const double ab = a > b ? a : b, cd = c > d ? c : d, highest = ab > cd ? ab : cd;
+        const double in = walk->in[lane], next = least(walk->x[lane], walk->y[lane]);
+        const double out = most(least(next, walk->end[lane]), in);
+        const double lowest = way_z[lane] < 0 ? out : in;
+        walk->out[lane] = out;
+        const double low = start_z[lane] - CLEARANCE + lowest * way_z[lane];
+        const int is_there = walk->end[lane] >= in, is_low = low <= highest;
+        may_meet[lane] = is_there & is_low;
+        any |= -(int64_t)(is_there & is_low);
+    }
+    if (any)
+        meet_cells(terrain, courses, walk->base, may_meet, walk);
+    any = 0;
+    EACH_LANE {
+        const int goes_on = least(walk->x[lane], walk->y[lane]) < walk->end[lane];
+        goes[lane] = goes_on;
+        any |= -(int64_t)goes_on;
+    }
+    EACH_LANE
+        beside[lane] = walk->x[lane] < walk->y[lane];
+    EACH_LANE {
+        const double aside = goes[lane] * beside[lane], along = goes[lane] - aside;
+        const double last = (goes[lane] - 0.5) * INFINITY; /* at once, or never */
+        walk->column[lane] += aside * (2 * walk->ahead_x[lane] - 1);
+        walk->row[lane] += along * (2 * walk->ahead_y[lane] - 1);
+        walk->in[lane] = walk->out[lane];
+        walk->end[lane] = least(last, walk->end[lane]);
+    }
+    look_ahead(courses, walk);
+    return any;
+}
+
+VECTORIZED void groundlink_cross_cells(const struct terrain *terrain, struct courses *courses,
+                                       int first, int lanes, double from, double to)
+{
+    const double sign = courses->sign[first];
+    struct walk walks[PACKETS];
+    int left[PACKETS], count = 0;
+    for (int base = first / LANES * LANES; base < first + lanes; base += LANES) {
+        walks[count].base = base;
+        set_out(terrain, courses, first, lanes, from, to, &walks[count]);
+        left[count] = count;
+        count++;
+    }
+    /* Packet after packet by a cell each: processors work on several at once. */
+    while (count) {
+        int still = 0;
+        for (int i = 0; i < count; i++)
+            if (step(terrain, courses, sign, &walks[left[i]]))
+                left[still++] = left[i];
+        count = still;
     }
 }
 

@@ -15,6 +15,9 @@
  * more than twice as long. */
 #define LANES 8
 
+/* Packets that are traced together: it is found out once for all of them what they may meet. */
+#define PACKETS 8
+
 /* A loop that compilers make one of vector instructions, before they unroll it. */
 #define EACH_LANE _Pragma("GCC unroll 1") for (int lane = 0; lane < LANES; lane++)
 
@@ -154,9 +157,9 @@ static inline void find(const struct ray_world *around, ptrdiff_t scene,
     around->intersect(valid, around->scenes[scene], packet, &coherent);
 }
 
-/* Meet the terrain, before any body; in `terrain.c`. What was met there, its label and normal, is in
+/* Meet the terrain with some packets, before any body; in `terrain.c`. What was met there, its label and normal, is in
  * `cells.c`. */
-void groundlink_meet_terrain(const struct terrain *terrain, struct rays *rays);
+void groundlink_meet_terrain(const struct terrain *terrain, struct rays *rays, int packets);
 int32_t groundlink_terrain_label(const struct terrain *terrain, int32_t triangle,
                                  const double point[3], double normal[3]);
 

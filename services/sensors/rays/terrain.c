@@ -24,8 +24,9 @@ struct beam {
     int first, lanes, upside_down;
 };
 
-/* Tell whether a beam is surely above the terrain between two instants. */
-static int is_clear(const struct terrain *terrain, const struct beam *beam, double from, double to)
+/* Return a height that nothing exceeds below a beam between two instants. */
+static INLINED double highest_below(const struct terrain *terrain, const struct beam *beam,
+                                   double from, double to)
 {
     int32_t first[2], last[2], side = 0;
     for (int axis = 0; axis < 2; axis++) {
@@ -46,31 +47,54 @@ static int is_clear(const struct terrain *terrain, const struct beam *beam, doub
     const int32_t west = first[0] >> shift, east = last[0] >> shift;
     const float a = south[west], b = south[east], c = north[west], d = north[east];
     const float ab = a > b ? a : b, cd = c > d ? c : d;
-    const double way = beam->way[2][0];
-    const double low = beam->start[2][0] + (way < 0 ? to : from) * way - CLEARANCE;
-    return low > (ab > cd ? ab : cd);
+    return (ab > cd ? ab : cd) + CLEARANCE;
 }
 
-static struct beam beam_of(const struct courses *courses, int first, int lanes)
+/* Return up to when a beam is surely above the terrain between two instants; the first, if not even
+ * then. */
+static INLINED double clear_until(const struct terrain *terrain, const struct beam *beam,
+                                 double from, double to)
+{
+    const double highest = highest_below(terrain, beam, from, to), way = beam->way[2][0];
+    const double above = beam->start[2][0] + from * way - highest;
+    const double falls = (to - from) * -way;
+    return !(above > 0) ? from : above > falls ? to : from + above / -way;
+}
+
+/* Return the least and the greatest of some values. */
+static INLINED void bounds_of(const double *values, int count, double bounds[2])
+{
+    double low[LANES], high[LANES];
+    for (int lane = 0; lane < LANES; lane++)
+        low[lane] = high[lane] = values[lane < count ? lane : 0];
+    for (int end = LANES + 1; end <= count; end += LANES) {
+        const int first = (end + LANES - 1 < count ? end + LANES - 1 : count) - LANES;
+        EACH_LANE {
+            low[lane] = least(values[first + lane], low[lane]);
+            high[lane] = most(values[first + lane], high[lane]);
+        }
+    }
+    for (int half = LANES / 2; half; half /= 2)
+        for (int lane = 0; lane < half; lane++) {
+            low[lane] = least(low[lane + half], low[lane]);
+            high[lane] = most(high[lane + half], high[lane]);
+        }
+    bounds[0] = low[0];
+    bounds[1] = high[0];
+}
+
+static INLINED struct beam beam_of(const struct courses *courses, int first, int lanes)
 {
     struct beam beam = {.first = first, .lanes = lanes};
     for (int axis = 0; axis < 3; axis++) {
-        const double *start = courses->start[axis] + first, *way = courses->way[axis] + first;
-        double bounds[4] = {start[0], start[0], way[0], way[0]};
-        for (int lane = 1; lane < lanes; lane++) {
-            bounds[0] = least(start[lane], bounds[0]);
-            bounds[1] = most(start[lane], bounds[1]);
-            bounds[2] = least(way[lane], bounds[2]);
-            bounds[3] = most(way[lane], bounds[3]);
-        }
-        memcpy(beam.start[axis], bounds, sizeof beam.start[axis]);
-        memcpy(beam.way[axis], bounds + 2, sizeof beam.way[axis]);
+        bounds_of(courses->start[axis] + first, lanes, beam.start[axis]);
+        bounds_of(courses->way[axis] + first, lanes, beam.way[axis]);
     }
     return beam;
 }
 
 /* Make two of a beam. */
-static void split(const struct courses *courses, struct beam *beam, struct beam *other)
+static INLINED void split(const struct courses *courses, struct beam *beam, struct beam *other)
 {
     const struct beam whole = *beam;
     const int half = whole.lanes / 2;
@@ -82,7 +106,7 @@ static void split(const struct courses *courses, struct beam *beam, struct beam 
 }
 
 /* Return how far to go at most with the rays of a beam that have met nothing. */
-static double end_of(const struct courses *courses, const struct beam *beam)
+static INLINED double end_of(const struct courses *courses, const struct beam *beam)
 {
     double end = -1;
     for (int lane = beam->first; lane < beam->first + beam->lanes; lane++)
@@ -90,23 +114,23 @@ static double end_of(const struct courses *courses, const struct beam *beam)
     return end;
 }
 
-/* Follow the rays of a beam: all at once where they are surely above the terrain, and each from cell
- * to cell where they may not be. `last` is the last of the beams, to which others are added. */
-static void follow(const struct terrain *terrain, struct courses *courses, struct beam *beam,
-                   struct beam **last)
+/* Follow the rays of a beam: all at once where they are surely above the terrain, and from cell to
+ * cell where they may not be. `last` is the last of the beams, to which others are added. */
+static INLINED void follow(const struct terrain *terrain, struct courses *courses,
+                          struct beam *beam, struct beam **last)
 {
     double end = end_of(courses, beam);
     while (beam->from < end) {
         const double from = beam->from, to = least(from + beam->step, end);
-        if (is_clear(terrain, beam, from, to)) {
-            beam->from = to;
-            beam->step *= 2;
+        const double clear = beam->from = clear_until(terrain, beam, from, to);
+        if (clear == to || clear - from > beam->step / 4) {
+            beam->step *= clear == to ? 2 : 0.5;
             continue;
         }
         double wide = 0, speed = 0;
         for (int axis = 0; axis < 2; axis++) {
             const double *start = beam->start[axis], *way = beam->way[axis];
-            wide = most(start[1] - start[0] + from * (way[1] - way[0]), wide);
+            wide = most(start[1] - start[0] + clear * (way[1] - way[0]), wide);
             speed = most(most(-way[0], way[1]), speed);
         }
         if (beam->lanes > 1 && wide > WIDE && wide > speed * beam->step) {
@@ -115,35 +139,38 @@ static void follow(const struct terrain *terrain, struct courses *courses, struc
         } else if (speed * beam->step > SHORT) {
             beam->step /= 2;
         } else {
-            for (int lane = beam->first; lane < beam->first + beam->lanes; lane++)
-                if (courses->triangle[lane] < 0 && courses->end[lane] > from)
-                    groundlink_cross_cells(terrain, courses, lane, from,
-                                           least(to, courses->end[lane]));
+            groundlink_cross_cells(terrain, courses, beam->first, beam->lanes, clear, to);
             beam->from = to;
             end = end_of(courses, beam);
         }
     }
 }
 
-/* Bring rays to the map. */
-static void begin(const struct terrain *terrain, const struct packet *world, struct courses *courses)
+/* Bring rays of some packets to the map. */
+static INLINED void begin(const struct terrain *terrain, const struct rays *rays, int packets,
+                         struct courses *courses)
 {
-    for (int lane = 0; lane < LANES; lane++) {
-        courses->begin[lane] = 0;
-        courses->end[lane] = world->far[lane];
-        courses->sign[lane] = 1;
-        courses->triangle[lane] = -1;
-    }
-    for (int axis = 0; axis < 3; axis++)
-        for (int lane = 0; lane < LANES; lane++) {
-            const double per_m = terrain->per_m[axis], way = world->direction[axis][lane] * per_m;
-            courses->start[axis][lane] =
-                (world->origin[axis][lane] - terrain->origin[axis]) * per_m;
-            courses->way[axis][lane] = way;
-            courses->inverse[axis][lane] = 1 / way;
+    for (int packet = 0; packet < packets; packet++) {
+        const struct packet *world = &rays[packet].world;
+        const int first = packet * LANES;
+        EACH_LANE {
+            courses->begin[first + lane] = 0;
+            courses->end[first + lane] = world->far[lane];
+            courses->sign[first + lane] = 1;
+            courses->triangle[first + lane] = -1;
         }
+        for (int axis = 0; axis < 3; axis++) {
+            const double per_m = terrain->per_m[axis], origin = terrain->origin[axis];
+            EACH_LANE {
+                const double way = world->direction[axis][lane] * per_m;
+                courses->start[axis][first + lane] = (world->origin[axis][lane] - origin) * per_m;
+                courses->way[axis][first + lane] = way;
+                courses->inverse[axis][first + lane] = 1 / way;
+            }
+        }
+    }
     for (int axis = 0; axis < 2; axis++)
-        for (int lane = 0; lane < LANES; lane++) {
+        for (int lane = 0; lane < packets * LANES; lane++) {
             const double back = -courses->start[axis][lane] * courses->inverse[axis][lane];
             const double ahead = (terrain->cells[axis] - courses->start[axis][lane]) *
                                  courses->inverse[axis][lane];
@@ -153,60 +180,56 @@ static void begin(const struct terrain *terrain, const struct packet *world, str
         }
 }
 
-/* Let rays end where they leave the heights that there are; one without a direction goes nowhere. */
-static void end_at_heights(const struct terrain *terrain, struct courses *courses)
+/* Let rays end where they leave the heights that there are. Those without a direction, and those that
+ * pass the map, go nowhere. */
+static INLINED void end_at_heights(const struct terrain *terrain, int lanes,
+                                  struct courses *courses)
 {
-    for (int lane = 0; lane < LANES; lane++) {
+    for (int lane = 0; lane < lanes; lane++) {
         const double up = courses->way[2][lane], sign = courses->sign[lane];
         const double top = sign * terrain->heights_within[sign > 0];
         const double bottom = sign * terrain->heights_within[sign < 0];
         const double last = up > 0 ? top + CLEARANCE : bottom - CLEARANCE;
         const double end = (last - courses->start[2][lane]) * courses->inverse[2][lane];
-        courses->end[lane] = up == 0 ? courses->end[lane] : least(end, courses->end[lane]);
-        courses->end[lane] = courses->end[lane] < INFINITY ? courses->end[lane] : -1;
+        const double sooner = least(up == 0 ? INFINITY : end, courses->end[lane]);
+        const int comes = (sooner < INFINITY) & (courses->begin[lane] <= sooner);
+        courses->end[lane] = comes ? sooner : -1;
     }
 }
 
-/* Tell whether all rays begin at once, on the same side. */
-static int together(const struct courses *courses)
+VECTORIZED void groundlink_meet_terrain(const struct terrain *terrain, struct rays *rays,
+                                        int packets)
 {
-    double latest = 0, signs = 0;
-    for (int lane = 0; lane < LANES; lane++) {
-        latest = most(courses->begin[lane], latest);
-        signs += courses->sign[lane];
-    }
-    return latest == 0 && fabs(signs) == LANES;
-}
-
-void groundlink_meet_terrain(const struct terrain *terrain, struct rays *rays)
-{
-    struct packet *world = &rays->world;
+    const int lanes = packets * LANES;
     struct courses courses;
-    struct beam beams[LANES], *last = beams;
-    begin(terrain, world, &courses);
-    beams[0] = beam_of(&courses, 0, LANES);
-    if (!together(&courses) || !is_clear(terrain, beams, 0, 0)) {
-        for (int lane = 0; lane < LANES; lane++)
+    struct beam beams[COURSES], *last = beams;
+    double begins[2], signs[2];
+    begin(terrain, rays, packets, &courses);
+    bounds_of(courses.begin, lanes, begins);
+    beams[0] = beam_of(&courses, 0, lanes);
+    if (begins[1] > 0 || !(beams->start[2][0] > highest_below(terrain, beams, 0, 0))) {
+        for (int lane = 0; lane < lanes; lane++)
             if (courses.begin[lane] <= courses.end[lane])
                 groundlink_choose_side(terrain, &courses, lane);
-        beams[0] = beam_of(&courses, 0, LANES);
+        beams[0] = beam_of(&courses, 0, lanes);
     }
-    end_at_heights(terrain, &courses);
-    if (!together(&courses))
-        for (int lane = 0; lane < LANES; lane++)
+    end_at_heights(terrain, lanes, &courses);
+    bounds_of(courses.sign, lanes, signs);
+    if (signs[0] < signs[1])
+        for (int lane = 0; lane < lanes; lane++)
             *(last = &beams[lane]) = beam_of(&courses, lane, 1);
     for (struct beam *beam = beams; beam <= last; beam++) {
-        beam->from = courses.begin[beam->first];
+        beam->from = begins[0];
         beam->step = end_of(&courses, beam) - beam->from;
         beam->upside_down = courses.sign[beam->first] < 0;
     }
     for (struct beam *beam = beams; beam <= last; beam++)
         follow(terrain, &courses, beam, &last);
-    for (int lane = 0; lane < LANES; lane++)
+    for (int lane = 0; lane < lanes; lane++)
         if (courses.triangle[lane] >= 0) {
-            world->far[lane] = (float)courses.end[lane];
-            rays->triangle[lane] = courses.triangle[lane];
-            rays->body[lane] = TERRAIN;
+            struct rays *of = &rays[lane / LANES];
+            of->world.far[lane % LANES] = (float)courses.end[lane];
+            of->triangle[lane % LANES] = courses.triangle[lane];
+            of->body[lane % LANES] = TERRAIN;
         }
 }
-

@@ -13,13 +13,16 @@
 /* What a ray has to be above everything to pass unseen, in meters: more than what is rounded. */
 static const double CLEARANCE = 1e-6;
 
+/* Of all packets that are traced together. */
+#define COURSES (LANES * PACKETS)
+
 /* Rays on their way over the map. */
 struct courses {
-    double start[3][LANES], way[3][LANES]; /* in cells east and north, and meters upwards */
-    double inverse[3][LANES];
-    double begin[LANES], end[LANES]; /* where a ray comes to the map, and leaves or meets something */
-    double sign[LANES];              /* -1 when upside down */
-    int32_t triangle[LANES];         /* 2 cell + (0 in the south-west, 1 in the north-east), or -1 */
+    double start[3][COURSES], way[3][COURSES]; /* in cells east and north, and meters upwards */
+    double inverse[3][COURSES];
+    double begin[COURSES], end[COURSES]; /* where a ray comes to the map, and leaves or meets something */
+    double sign[COURSES];              /* -1 when upside down */
+    int32_t triangle[COURSES];         /* 2 cell + (0 in the south-west, 1 in the north-east), or -1 */
 };
 
 /* Where new is no number, old is kept. */
@@ -41,8 +44,8 @@ static inline int32_t within(double place, int32_t cells)
 /* These are in `cells.c`. Find out on which side of the terrain a ray begins. */
 void groundlink_choose_side(const struct terrain *terrain, struct courses *courses, int lane);
 
-/* Follow a ray from cell to cell between two instants. */
-void groundlink_cross_cells(const struct terrain *terrain, struct courses *courses, int lane,
-                            double from, double to);
+/* Follow those of some lanes of a packet that have met nothing from cell to cell between two instants. */
+void groundlink_cross_cells(const struct terrain *terrain, struct courses *courses, int first,
+                            int lanes, double from, double to);
 
 #endif

@@ -12,9 +12,6 @@
 
 #include "beam.h"
 
-/* For so many together it is found out what they may meet. */
-#define PACKETS 8
-
 /* A ray that nearly lies in a triangle's plane meets the plane far from the triangle. The engine's
  * own range stands if the plane's is farther off than this, in meters. */
 static const double MOST_MENDED = 0.01;
@@ -251,8 +248,7 @@ VECTORIZED void groundlink_trace(const struct ray_world *around, size_t count, f
             for (int packet = 0; packet < packets; packet++)
                 meet_world(around, &group[packet]);
         if (around->terrain && entered(&around->still[1], &beam))
-            for (int packet = 0; packet < packets; packet++)
-                groundlink_meet_terrain(around->terrain, &group[packet]);
+            groundlink_meet_terrain(around->terrain, group, packets);
         if (around->bodies) {
             beam.far = farthest(group, packets);
             groundlink_meet_bodies(around, &beam, group, packets);
