@@ -94,6 +94,8 @@ class Episode:
         scenarios of all worlds of the episode, by their hashes.
     entities
         what is known of entities beside the scenario.
+    rut_history
+        recent ruts; None without soft terrain.
     """
 
     def __init__(
@@ -130,7 +132,7 @@ class Episode:
         # Processes continue from acknowledgements that may be older than a period.
         kept = HISTORY_TICKS + 2 * (self._checkpoint_ticks or 0)
         self._history: deque[bytes] = deque(maxlen=kept)
-        self._rut_history = RutHistory(self.ruts, kept) if self.ruts else None
+        self.rut_history = RutHistory(self.ruts, kept) if self.ruts else None
         self._entries: list[bytes] = []
         self._acks: dict[str, Ack] = {}
         self._predecessors: set[str] = set()
@@ -327,10 +329,6 @@ class Episode:
         """The ruts of its terrain; None without soft terrain."""
         return self._simulation.ruts
 
-    def ruts_with(self, digest: bytes) -> bytes | None:
-        """Return the tiles of recent ruts with a digest; None for unknown ones."""
-        return self._rut_history.with_digest(digest) if self._rut_history else None
-
     def journal(self, left_out: int = 0) -> Journal:
         """Return a journal to restore this episode from, without its first entries.
 
@@ -444,8 +442,8 @@ class Episode:
             for vitals in simulation.vitals(self.epoch_nanos + nanos):
                 publish.vitals[vitals.vehicle](vitals)
         ruts = UNSET if self.ruts is None else self.ruts.at(tick)
-        if self._rut_history is not None:
-            self._rut_history.take(ruts)
+        if self.rut_history is not None:
+            self.rut_history.take(ruts)
         state = EncodedState(*header, msgspec.Raw(simulation.encoded_states()), actors, ruts)
         self._history.append(publish.state(state))
 

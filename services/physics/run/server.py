@@ -146,9 +146,13 @@ class PhysicsServer:
         """Return the tiles of ruts with a digest, in parts."""
         with suppress(UserError, ValueError):
             asked = bytes.fromhex(digest)
-            found = self.control.between_ticks(lambda: self.episode.ruts_with(asked))
+            found = self.control.between_ticks(lambda: self._ruts_with(asked))
             return [] if found is None else parts(found)
         return []
+
+    def _ruts_with(self, digest: bytes) -> bytes | None:
+        history = self.episode.rut_history
+        return history.with_digest(digest) if history else None
 
     def counters(self, now_seconds: float) -> dict[str, int]:
         """Return the counters of the process's health messages."""
