@@ -33,7 +33,9 @@ enum {
     DATAGRAMS_PER_CALL = 64, // of sendmmsg
     MAX_ARRIVAL_RANGES = 64, // of a received batch
     MAX_BATCH_NANOS = 20000000, // duration of a received batch after its first datagram
-    SPIN_NANOS = 50000, MAX_SPIN_NANOS = 150000, // waits for a part without sleeping: one, and all in vain
+    SPIN_NANOS = 50000, // longest wait for a part without sleeping
+    MAX_SPIN_NANOS = 150000, // all those of a batch that were in vain
+    CREDIT_NANOS = 200000, // wait of the Credit for a whole message
     MAILBOX_SIZE = 64, // Credits
     MAX_RANGES = 16, // in flight with a delegated send
     NANOS = 1000000000

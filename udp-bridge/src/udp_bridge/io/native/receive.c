@@ -59,13 +59,17 @@ static int send_credit(struct part_batch *batch, const unsigned char *head, int 
     return 1;
 }
 
-// Send the Credit of the message that the last call completed. Its user has got it by now.
-static void send_due_credit(const struct part_batch *batch)
+// Send the Credit of the message that the last call completed. Its user has got it by now, and works
+// on it: unless more arrives, the Credit waits, because it would wake the sender on another core.
+static void send_due_credit(const struct part_batch *batch, int may_wait)
 {
     struct due_credit *due = &((struct mailbox *)batch->mailbox.buf)->due;
-    if (due->size)
-        sendto(batch->fd, due->datagram, due->size, MSG_DONTWAIT, (struct sockaddr *)&due->to,
-               sizeof due->to);
+    struct timespec most = {0, CREDIT_NANOS};
+    struct pollfd source = {.fd = batch->fd, .events = POLLIN};
+    if (!due->size) return;
+    if (may_wait) ppoll(&source, 1, &most, NULL);
+    sendto(batch->fd, due->datagram, due->size, MSG_DONTWAIT, (struct sockaddr *)&due->to,
+           sizeof due->to);
     due->size = 0;
 }
 
@@ -270,7 +274,10 @@ static Py_ssize_t receive_parts(struct part_batch *batch, unsigned char *head, i
     if (is_flowing) size = receive_one(batch, head, MSG_DONTWAIT);
     if (size < 0 && (!is_flowing || batch->error == EAGAIN)) {
         batch->thread = PyEval_SaveThread();
+        send_due_credit(batch, 1);
         size = receive_one(batch, head, 0);
+    } else {
+        send_due_credit(batch, 0);
     }
     while (size >= 0) {
         int is_part = is_predicted(batch, head, size);
@@ -350,7 +357,6 @@ PyObject *receive(PyObject *self, PyObject *args)
         !to_address(host, port, &batch.sender))
         goto end;
     batch.last_size = batch.part_size;
-    send_due_credit(&batch);
     Py_ssize_t size = receive_parts(&batch, head, is_flowing);
     if (size < 0 && !batch.ranges_count && !batch.kept) {
         Py_INCREF(Py_None);
