@@ -14,6 +14,7 @@
 namespace {
 
 constexpr std::uint8_t kImage = 33;
+constexpr std::int64_t kSpinNanos = 50000;
 
 std::int64_t now() {
   timespec t{};
@@ -47,12 +48,18 @@ int main(int, char** argv) {
   udp_bridge::Receiver receiver(limits);
   udp_bridge::Message kept;
   std::vector<std::uint8_t> datagram(1 << 16);
+  bool is_within = false;  // a message: its next part comes soon, so do not sleep
   for (;;) {
     sockaddr_in from{};
     size = sizeof from;
     auto* address = reinterpret_cast<sockaddr*>(&from);
-    const ssize_t got = recvfrom(s, datagram.data(), datagram.size(), 0, address, &size);
+    ssize_t got = -1;
+    for (const std::int64_t until = now() + kSpinNanos; is_within && got < 0 && now() < until;) {
+      got = recvfrom(s, datagram.data(), datagram.size(), MSG_DONTWAIT, address, &size);
+    }
+    if (got < 0) got = recvfrom(s, datagram.data(), datagram.size(), 0, address, &size);
     if (got < 0) continue;
+    is_within = datagram[6] + 1 < datagram[7];  // part_number, parts_max
     const udp_bridge::SenderId sender = std::uint64_t{from.sin_addr.s_addr} << 16 | from.sin_port;
     receiver.take(
         datagram.data(), static_cast<std::size_t>(got), sender, now(),
