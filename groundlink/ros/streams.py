@@ -6,6 +6,7 @@ physics use this module. Physics must not load ROS types, so nothing here import
 `groundlink.ros.cdr`, which converts the messages.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -28,6 +29,7 @@ from groundlink.bus.topics import (
     VITALS,
     sensor_outputs,
 )
+from groundlink.core.clock import TICK_SECONDS
 from groundlink.messages.base import BusMessage, Clock, State, floats
 from groundlink.messages.ground_truth import VITALS_HZ, WORLD_FRAME
 from groundlink.messages.navigation import Transform, Transforms
@@ -102,6 +104,23 @@ def outgoing(scenario: Scenario, run: str) -> list[Outgoing]:
     )
     of_vehicles = (s for v in scenario.vehicles for s in _of_vehicle(scenario, v, run))
     return [clock, *of_vehicles, bodies, *_true_map(scenario, run)]
+
+
+WAITING_MESSAGES = 8192
+"""Messages of the bus that may wait at a process that takes all streams; of many vehicles, more."""
+
+WAITING_SECONDS = 4.0
+
+
+def waiting_messages(scenario: Scenario, run: str) -> int:
+    """Return how many messages of all streams may wait for a process that takes them.
+
+    Enough for `WAITING_SECONDS`, and for all that physics and then the sensors can be ahead of a
+    process that physics waits for.
+    """
+    seconds = max(WAITING_SECONDS, 2 * scenario.time.window_ticks * TICK_SECONDS)
+    rates = (stream.declared_hz or 0.0 for stream in outgoing(scenario, run))
+    return max(WAITING_MESSAGES, math.ceil(seconds * sum(rates)))
 
 
 def _true_map(scenario: Scenario, run: str) -> Iterator[Outgoing]:

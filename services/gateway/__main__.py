@@ -11,6 +11,7 @@ from groundlink.core.extras import process_needs
 from groundlink.process import runner as process
 from groundlink.process.joining import join, report_missing_kinds
 from groundlink.process.name_claim import claim_name
+from groundlink.ros.streams import waiting_messages
 from groundlink.scenario import Scenario
 
 with process_needs("gateway", "gateway"):
@@ -44,7 +45,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
         run, joined = join(bus, options.run, stop)
         report_missing_kinds(GATEWAY, joined)
         scenario: Scenario | None = joined
-        session = BusSession(bus, run, claim_name(bus, run, GATEWAY))
+        claim = claim_name(bus, run, GATEWAY)
+        session = BusSession(bus, run, claim, depth=waiting_messages(joined, run))
         resolver = PeerResolver(options.peer or joined.gateway.peer, process.address)
         try:
             while scenario is not None and resolver.wait(stop, say) is not None:

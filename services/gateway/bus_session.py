@@ -35,9 +35,6 @@ from .request_queue import RequestQueue
 from .run_commands import execute_run_command
 from .world_queries import execute_world_query
 
-INBOX_MESSAGES = 4096
-"""Messages of the bus that may wait: some seconds of all streams together."""
-
 HISTORY_SECONDS = 20.0
 """Timeout for the memory of a predecessor."""
 
@@ -53,11 +50,17 @@ class RunStatus(NamedTuple):
 
 
 class BusSession:
-    """What a gateway has declared on the bus, and what it got from there."""
+    """What a gateway has declared on the bus, and what it got from there.
 
-    def __init__(self, bus: Bus, run: str, claim: NameClaim) -> None:
+    Parameters
+    ----------
+    depth
+        messages of the bus that may wait.
+    """
+
+    def __init__(self, bus: Bus, run: str, claim: NameClaim, *, depth: int) -> None:
         self.bus, self.run, self._claim = bus, run, claim
-        self.inbox: LocalInbox[BusMessage] = bus.local_inbox(depth=INBOX_MESSAGES)
+        self.inbox: LocalInbox[BusMessage] = bus.local_inbox(depth=depth)
         self.acknowledge = bus.publisher(ACK.key_in(run, process=GATEWAY), ACK.delivery)
         self.run_commands = RequestQueue(
             partial(execute_run_command, partial(send_command, bus, run)), backlog=self.inbox

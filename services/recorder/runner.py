@@ -16,15 +16,12 @@ from groundlink.bus.session import Bus
 from groundlink.core.backoff import Backoff
 from groundlink.messages.base import Ack, BusMessage, Clock, Health, State, decode
 from groundlink.process.joining import Heartbeat
-from groundlink.ros.streams import incoming, outgoing, recorded_only
+from groundlink.ros.streams import incoming, outgoing, recorded_only, waiting_messages
 from groundlink.scenario import Scenario
 
 from .recorder import Recorder, RecordingFile, participants
 
 NAME = RECORDER
-
-INBOX_MESSAGES = 8192
-"""Messages of the bus that may wait: some seconds of all streams together."""
 
 COMMIT_SECONDS = 0.4
 """Interval at which the file is made complete: the most that a killed recorder loses."""
@@ -74,7 +71,7 @@ class BusRecorder:
         self._duration_nanos, self._absent = duration_nanos, absent
         awaited = participants(scenario) if ordered else {}
         self._participants = {n: each for n, each in awaited.items() if n not in absent}
-        self._inbox: BusInbox[BusMessage] = BusInbox(depth=INBOX_MESSAGES)
+        self._inbox: BusInbox[BusMessage] = BusInbox(depth=waiting_messages(scenario, run))
         self._recorder = self._new_recorder()
         streams = (
             *outgoing(scenario, run),

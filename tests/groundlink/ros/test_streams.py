@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+import math
+
 import pytest
 from msgspec.structs import replace
 
@@ -7,7 +9,12 @@ from groundlink.loader.scenario_files import SHIPPED
 from groundlink.messages.navigation import Odometry
 from groundlink.ros.base import Base, Bases, is_latched
 from groundlink.ros.cdr import ros_type_of
-from groundlink.ros.streams import outgoing, static_transforms
+from groundlink.ros.streams import (
+    WAITING_MESSAGES,
+    outgoing,
+    static_transforms,
+    waiting_messages,
+)
 from groundlink.scenario.ros_side import TrueMap
 from udp_bridge.node.topic_qos import publisher_qos
 from udp_bridge.wire.types import MSG_TYPES, NUMBER_OF_ROS_TYPE, TYPED
@@ -66,3 +73,16 @@ def test_recordings_latch_what_the_bridge_latches() -> None:
     }
     assert latched == set(filter(is_latched, types))
     assert len(latched) == 7
+
+
+def test_more_messages_may_wait_of_many_vehicles_and_of_long_windows() -> None:
+    rovers = load("two_rovers")
+    many = replace(
+        rovers, vehicles=tuple(replace(rovers.vehicles[0], name=f"v{i}") for i in range(32))
+    )
+    rates = sum(stream.declared_hz or 0.0 for stream in outgoing(many, "run"))
+    assert rates > 32 * 500
+    for window_ticks, seconds in ((400, 4.0), (1600, 8.0)):
+        waits = replace(many, time=replace(many.time, window_ticks=window_ticks))
+        assert waiting_messages(waits, "run") == math.ceil(seconds * rates)
+    assert waiting_messages(rovers, "run") == WAITING_MESSAGES
