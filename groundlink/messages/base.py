@@ -95,7 +95,8 @@ class VehicleState(msgspec.Struct, frozen=True):
     """float64, rad/s, one value per wheel in the same order."""
 
     servo_positions: memoryview = memoryview(b"")
-    """float64, rad or m, one value per joint other than wheel joints, in the model's order."""
+    """float64, rad or m, one value per joint other than wheel joints, in the model's order, then
+    one per arm."""
 
     servo_velocities: memoryview = memoryview(b"")
     """float64, rad/s or m/s, in the same order."""

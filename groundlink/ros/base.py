@@ -95,7 +95,7 @@ class Base:
             self.keys["wheels"] = TRUE_WHEELS.key_in(run, vehicle=vehicle.name)
             self._all_joints = AllJoints(vehicle, has_encoders=self._encoders is not None)
         has_own_messages = (
-            vehicle.model.joints if self._all_joints is None else self._encoders is None
+            vehicle.true_joints if self._all_joints is None else self._encoders is None
         )
         if has_own_messages:
             self.topics.append(

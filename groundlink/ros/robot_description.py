@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 from groundlink.core.fields import Quaternion, Vector3
 from groundlink.core.frames import IDENTITY_QUATERNION, matrix_from_quaternion, rpy_from_matrix
 from groundlink.messages.navigation import Transform
-from groundlink.scenario.joints import Joint
+from groundlink.scenario.joints import Arm, Joint
 from groundlink.scenario.running_gear import Ackermann, Tracked, Wheel
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Box, Cylinder, Material, Mesh, Shape, Solid, Sphere
@@ -69,8 +69,12 @@ def urdf(
         for track in drive.shafts(model.wheels):
             if track.name in turning:
                 _track(robot, model.base_frame, track.name, model.wheels[track.wheels[0]])
+    for arm in model.arms:
+        link = _arm(robot, model, arm)
+        for solid in arm.visuals:
+            _show(link, "visual", solid, colors)
     for wheel in model.wheels:
-        carrier, at = model.base_frame, wheel.center_m
+        carrier, at = _carrier(model, wheel)
         if isinstance(drive, Ackermann) and wheel.name in drive.steered:
             name = drive.steering_joints[drive.steered.index(wheel.name)]
             if name in turning:
@@ -165,6 +169,33 @@ def _part(robot: Element, base: str, part: Joint) -> Element:
     bounds = {} if endless else {"lower": _text(low), "upper": _text(high)}
     _sub(joint, "limit", **bounds, effort="0", velocity=_text(part.max_speed))
     return _sub(robot, "link", name=f"{part.name}_link")
+
+
+def _carrier(model: VehicleModel, wheel: Wheel) -> tuple[str, Vector3]:
+    """Return the link that carries a wheel, and where in its frame."""
+    for arm in model.arms:
+        if wheel.name in arm.wheels:
+            return f"{arm.name}_link", _apart(arm.pivot_m, wheel.center_m)
+    return model.base_frame, wheel.center_m
+
+
+def _arm(robot: Element, model: VehicleModel, arm: Arm) -> Element:
+    """Add an arm that swings freely, and return its link."""
+    origins = {other.name: other.pivot_m for other in model.arms}
+    joint = _sub(robot, "joint", name=arm.name, type="revolute")
+    _sub(joint, "parent", link=f"{arm.parent}_link" if arm.parent else model.base_frame)
+    _sub(joint, "child", link=f"{arm.name}_link")
+    at = _apart(origins[arm.parent], arm.pivot_m) if arm.parent else arm.pivot_m
+    _origin(joint, at, IDENTITY_QUATERNION)
+    _sub(joint, "axis", xyz="0 1 0")
+    low, high = _text(radians(arm.lower_deg)), _text(radians(arm.upper_deg))
+    _sub(joint, "limit", lower=low, upper=high, effort="0", velocity="10")
+    return _sub(robot, "link", name=f"{arm.name}_link")
+
+
+def _apart(origin: Vector3, place: Vector3) -> Vector3:
+    (x, y, z), (ox, oy, oz) = place, origin
+    return x - ox, y - oy, z - oz
 
 
 def _show(link: Element, tag: str, solid: Solid, colors: dict[str, Material]) -> None:

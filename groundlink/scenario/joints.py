@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joints of a vehicle other than its wheel joints, such as a turret, a gun or a mast.
+"""Joints of a vehicle other than its wheel joints: servo joints, and arms that swing freely.
 
-A servo holds each joint at its commanded position. The links have no mass of their own, since the
-chassis includes their weight; moving them does not push the base. They do not collide.
+A servo holds a turret, a gun or a mast at its commanded position. The links have no mass of their
+own, since the chassis includes their weight; moving them does not push the base. Arms carry wheels,
+as rockers and bogies do. Neither collides.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import cos, hypot, sin
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
-from groundlink.core.fields import Positive, Quaternion, Spec, Vector3
+from msgspec import Meta
+
+from groundlink.core.fields import Positive, Quaternion, Size3, Spec, Vector3
 from groundlink.core.frames import IDENTITY_QUATERNION
 from groundlink.core.quaternions import multiply, rotate
 from groundlink.world.solids import Solid
@@ -79,6 +82,120 @@ class Joint(Spec, frozen=True, kw_only=True):
         x, y, z = self.axis
         size = hypot(x, y, z)
         return x / size, y / size, z / size
+
+
+class Arm(Spec, frozen=True, kw_only=True):
+    """A beam between body and wheels that swings freely about y; its link is `<name>_link`.
+
+    Positions are in the base frame with the arm at rest, where its angle is zero and its axes are
+    parallel to the base's. Positive angles raise the rear.
+    """
+
+    name: Name
+    """Name of the arm and its joint, unique in the vehicle."""
+
+    parent: Name | None = None
+    """Name of an earlier arm that carries this one; none: the base."""
+
+    wheels: tuple[Name, ...] = ()
+    """Names of the wheels that it carries."""
+
+    pivot_m: Vector3
+    """Place of its joint, and origin of its link."""
+
+    mass_kg: Positive
+    """Mass of the arm without wheels."""
+
+    size_m: Size3
+    """Full lengths along x, y, z of a uniform box with the arm's moments of inertia."""
+
+    center_m: Vector3 | None = None
+    """Center of mass; none: the pivot."""
+
+    lower_deg: float = -60.0
+    """Smallest angle; there is a stop."""
+
+    upper_deg: float = 60.0
+    """Largest angle; there is a stop."""
+
+    visuals: tuple[Solid, ...] = ()
+    """Visual solids of the link, in its frame."""
+
+    def __post_init__(self) -> None:
+        if not -180.0 < self.lower_deg < 0.0 < self.upper_deg < 180.0:
+            raise ValueError("expected `lower_deg` below 0 and `upper_deg` above, within 180")
+
+    @property
+    def inertia_kgm2(self) -> float:
+        """Moment of inertia about the pivot, without what the arm carries."""
+        (x, _, z), (px, _, pz), (length, _, height) = self.mass_center_m, self.pivot_m, self.size_m
+        about_center = (length**2 + height**2) / 12
+        return self.mass_kg * (about_center + (x - px) ** 2 + (z - pz) ** 2)
+
+    @property
+    def mass_center_m(self) -> Vector3:
+        """Center of mass at rest, in the base frame."""
+        return self.pivot_m if self.center_m is None else self.center_m
+
+
+class Linkage(Spec, frozen=True, kw_only=True):
+    """Arms that let the wheels follow uneven ground, such as those of a rocker-bogie."""
+
+    arms: Annotated[tuple[Arm, ...], Meta(min_length=1)]
+    """Arms, parents before children."""
+
+    differential: tuple[Name, Name] | None = None
+    """Two arms on the base that a bar or a gear couples: their angles are opposite, and the body
+    takes the mean of both; none: each swings on its own."""
+
+    def moved_kg(self, name: str, mass_kg: float, places_m: Mapping[str, Vector3]) -> float:
+        """Return the mass that a wheel's spring moves, by the wheel's mass and all wheels' places.
+
+        A light arm gives way to the springs of all of its wheels.
+        """
+        for arm in self.arms:
+            if name in arm.wheels:
+                levers = sum((places_m[wheel][0] - arm.pivot_m[0]) ** 2 for wheel in arm.wheels)
+                return 1 / (1 / mass_kg + levers / arm.inertia_kgm2)
+        return mass_kg
+
+    def check(self, wheels: Sequence[str], others: Sequence[str]) -> None:
+        """Refuse names that are taken or unknown, and wheels on two arms.
+
+        Raises
+        ------
+        ValueError
+            with the expected value.
+        """
+        taken = {*wheels, *others}
+        carried: set[str] = set()
+        known: set[str] = set()
+        for arm in self.arms:
+            if arm.name in taken:
+                raise ValueError(f"`linkage`: two parts are named `{arm.name}`. Fix: rename one")
+            if arm.parent is not None and arm.parent not in known:
+                raise ValueError(
+                    f"`linkage`: `{arm.name}` has the parent `{arm.parent}`; expected an earlier "
+                    "arm, or none for the base"
+                )
+            for wheel in arm.wheels:
+                if wheel not in wheels or wheel in carried:
+                    free = ", ".join(sorted({*wheels} - carried)) or "none"
+                    raise ValueError(
+                        f"`linkage`: `{arm.name}` carries `{wheel}`; expected one of {free}"
+                    )
+                carried.add(wheel)
+            taken.add(arm.name)
+            known.add(arm.name)
+        for arm in self.arms:
+            if not arm.wheels and all(other.parent != arm.name for other in self.arms):
+                raise ValueError(f"`linkage`: `{arm.name}` carries nothing; expected `wheels`")
+        on_base = [arm.name for arm in self.arms if arm.parent is None]
+        for name in self.differential or ():
+            if name not in on_base or self.differential == (name, name):
+                raise ValueError(
+                    f"`linkage.differential`: got `{name}`; expected two of {', '.join(on_base)}"
+                )
 
 
 def check(joints: Sequence[Joint], others: Sequence[str]) -> None:

@@ -271,7 +271,7 @@ class Vehicle(Spec, frozen=True, kw_only=True):
     def true_joints(self) -> tuple[str, ...]:
         """Names of the joints in the ground truth of joints, without wheels."""
         steering = self.model.drive.steering_joints if self.takes_joint_commands else ()
-        return (*(joint.name for joint in self.model.joints), *steering)
+        return (*self.model.moving_names, *steering)
 
 
 FIXED_EPOCH_NANOS = 1_000_000_000 * NANOS

@@ -10,7 +10,7 @@ at the ends of a track.
 from collections.abc import Collection
 from typing import Annotated, Literal, Self, get_args
 
-from msgspec import UNSET, Meta, field
+from msgspec import UNSET, Meta, UnsetType, field
 from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_SECONDS
@@ -18,7 +18,7 @@ from groundlink.core.fields import Fraction01, NonNegative, Positive, Size3, Spe
 from groundlink.world.solids import Material, Solid
 
 from .every_sensor import Frame, Mount
-from .joints import Joint, JointInterface
+from .joints import Arm, Joint, JointInterface, Linkage
 from .joints import check as check_joints
 from .running_gear import (
     Ackermann,
@@ -212,6 +212,9 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
     joints: tuple[Joint, ...] = ()
     """Joints other than wheel joints, parents before children."""
 
+    linkage: Linkage | UnsetType = UNSET
+    """Arms between body and wheels; none: all wheels are on the body."""
+
     mounts: dict[str, Mount] = field(default_factory=dict)
     """Sensor mounts by name."""
 
@@ -237,19 +240,28 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
         names = [wheel.name for wheel in self.wheels]
         if len(set(names)) < len(names):
             raise ValueError("two `wheels` have the same name. Fix: rename one")
+        if self.linkage:
+            if isinstance(self.drive, Tracked):
+                raise ValueError("`linkage`: a `tracked` drive has none; expected another drive")
+            others = [joint.name for joint in self._drive_joints()]
+            self.linkage.check(names, [*others, *(joint.name for joint in self.joints)])
+        places = {wheel.name: wheel.center_m for wheel in self.wheels}
         for wheel in self.wheels:
-            spring = wheel.suspension or self.suspension
+            spring, mass_kg, part = wheel.suspension or self.suspension, wheel.mass_kg, "wheel"
+            if self.linkage:
+                mass_kg = self.linkage.moved_kg(wheel.name, mass_kg, places)
+                part = "wheel and arm"
             # Limits for a wheel in the air: a numerically stable step keeps its oscillation from
             # growing.
-            if (most := 1.5 * wheel.mass_kg / TICK_SECONDS) < spring.damping_nspm:
+            if (most := 1.5 * mass_kg / TICK_SECONDS) < spring.damping_nspm:
                 raise ValueError(
-                    f"the damper of `{wheel.name}` is too hard for its {wheel.mass_kg:g} kg; "
-                    f"expected `damping_nspm` of at most {most:.0f}, or a heavier wheel"
+                    f"the damper of `{wheel.name}` is too hard for its {mass_kg:.4g} kg; "
+                    f"expected `damping_nspm` of at most {most:.0f}, or a heavier {part}"
                 )
-            if (most := wheel.mass_kg / TICK_SECONDS**2) < spring.stiffness_npm:
+            if (most := mass_kg / TICK_SECONDS**2) < spring.stiffness_npm:
                 raise ValueError(
-                    f"the spring of `{wheel.name}` is too stiff for its {wheel.mass_kg:g} kg; "
-                    f"expected `stiffness_npm` of at most {most:.0f}, or a heavier wheel"
+                    f"the spring of `{wheel.name}` is too stiff for its {mass_kg:.4g} kg; "
+                    f"expected `stiffness_npm` of at most {most:.0f}, or a heavier {part}"
                 )
         self.drive.check(self.wheels)
         check_joints(self.joints, (*names, *(joint.name for joint in self._drive_joints())))
@@ -280,6 +292,16 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
         return acting
 
     @property
+    def arms(self) -> tuple[Arm, ...]:
+        """Arms that carry wheels."""
+        return self.linkage.arms if self.linkage else ()
+
+    @property
+    def moving_names(self) -> tuple[str, ...]:
+        """Names of the joints in `VehicleState.servo_positions`: joints, then arms."""
+        return (*(joint.name for joint in self.joints), *(arm.name for arm in self.arms))
+
+    @property
     def base_height_m(self) -> float:
         """Height of the base frame above level ground, with springs at rest under load."""
         return max(wheel.radius_m - wheel.center_m[2] for wheel in self.wheels)
@@ -298,15 +320,18 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
         """
         if mount.joint is UNSET:
             return 0
-        names = [joint.name for joint in self.joints]
+        names = self.moving_names
         if mount.joint not in names:
             known = ", ".join(names) or "none: omit it for the base"
             raise ValueError(f"no joint `{mount.joint}` carries a mount; expected one of {known}")
         return 1 + len(self.wheels) + names.index(mount.joint)
 
     def link_names(self) -> tuple[str, ...]:
-        """Return the links in the order of `VehicleState.link_poses`: base, wheels, joints."""
-        names = [part.name for parts in (self.wheels, self.joints) for part in parts]
+        """Return the links in the order of `VehicleState.link_poses`.
+
+        Base, wheels, joints, arms.
+        """
+        names = (*(wheel.name for wheel in self.wheels), *self.moving_names)
         return (self.base_frame, *(f"{name}_link" for name in names))
 
     def _drive_joints(self) -> tuple[JointInterface, ...]:

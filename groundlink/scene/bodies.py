@@ -44,7 +44,8 @@ def link_solids(model: VehicleModel) -> list[list[Solid]]:
     A wheel without visuals of its own is a cylinder about the y axis of its link.
     """
     wheels = (list(wheel.visuals) or [_tire(wheel)] for wheel in model.wheels)
-    return [list(model.visuals), *wheels, *(list(joint.visuals) for joint in model.joints)]
+    joints = (list(joint.visuals) for joint in model.joints)
+    return [list(model.visuals), *wheels, *joints, *(list(arm.visuals) for arm in model.arms)]
 
 
 def _tire(wheel: Wheel) -> Solid:

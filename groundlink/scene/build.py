@@ -192,6 +192,10 @@ def material_uses(scenario: Scenario) -> Iterator[tuple[Path, str]]:
             for j, visual in enumerate(joint.visuals):
                 path = ("vehicles", v, "model", "joints", i, "visuals", j, "material")
                 yield path, visual.material
+        for i, arm in enumerate(vehicle.model.arms):
+            for j, visual in enumerate(arm.visuals):
+                at = ("vehicles", v, "model", "linkage", "arms", i, "visuals", j, "material")
+                yield at, visual.material
 
 
 def _of_form(form: Form) -> Iterator[tuple[Path, str]]:

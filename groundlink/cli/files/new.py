@@ -43,7 +43,7 @@ world:
 
 vehicles:
   - name: rover
-    model: rover # also car, decontamination_robot, mecanum_base, tank, or your own file
+    model: rover # or car, tank, mecanum_base, rocker_bogie, decontamination_robot, your file
     placement: {{x_m: -2.5, y_m: 0.0, yaw_deg: 0.0}}
     sensors:
       # `groundlink sensors` lists the data sheets; a field here overrides that of the sheet.

@@ -106,7 +106,7 @@ class VehicleTruth:
         self.joint_names = vehicle.true_joints
         """Of the joints that `joints` returns: servo joints, then steering joints."""
 
-        self._has_steering = len(self.joint_names) > len(vehicle.model.joints)
+        self._has_steering = len(self.joint_names) > len(vehicle.model.moving_names)
         self._instants = _Instants(vehicle.ground_truth.rate_hz, from_tick)
         self._before: VehicleState | None = None
 

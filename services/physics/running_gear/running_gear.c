@@ -86,20 +86,29 @@ static void meet(struct wheel *wheel, const double velocity[3], const double tur
         grip = 0.0;
         size = 1.0;
     }
+    double position = spring->position - sinkage(wheel);
+    double hub[3] = {wheel->center[0], wheel->center[1], wheel->center[2] + position};
+    if (wheel->arm)
+        groundlink_arm_carries(wheel->arm, wheel->center, position, hub);
     for (int k = 0; k < 3; k++) {
         wheel->forward[k] = f[k] / size;
-        wheel->foot[k] = wheel->center[k] + (k == 2 ? spring->position - sinkage(wheel) : 0.0) -
-                         wheel->radius * n[k];
+        wheel->foot[k] = hub[k] - wheel->radius * n[k];
     }
     cross(n, wheel->forward, wheel->left);
     if (wheel->rollers[1] != 0.0)
         grip_across_rollers(wheel);
     const double *r = wheel->foot;
-    const double moves[3] = {
+    double moves[3] = {
         velocity[0] + turn[1] * r[2] - turn[2] * r[1],
         velocity[1] + turn[2] * r[0] - turn[0] * r[2],
         velocity[2] + turn[0] * r[1] - turn[1] * r[0] + spring->velocity,
     };
+    if (wheel->arm) {
+        double swung[2];
+        groundlink_arm_moves(wheel->arm, r, swung);
+        moves[0] += swung[0] + wheel->arm->sine * spring->velocity;
+        moves[2] += swung[1] + (wheel->arm->cosine - 1.0) * spring->velocity;
+    }
     double forward = dot(wheel->forward, moves), left = dot(wheel->left, moves);
     double resisting = wheel->resistance * load;
     if (wheel->soil)
@@ -126,6 +135,7 @@ static double turn_shafts(struct running_gear *gear)
                 limits[1] = torque;
         }
         groundlink_shaft_turn(shaft, limits[0], limits[1]);
+        shaft->taken = shaft->inertia * (shaft->speed - before) / TICK_SECONDS;
         rate += shaft->inertia * (shaft->speed - before);
         if (i < gear->driven_count) {
             double speed = (before + shaft->speed) / 2, power = shaft->torque * speed;
@@ -142,6 +152,8 @@ static double turn_shafts(struct running_gear *gear)
     return rate / TICK_SECONDS;
 }
 
+static const double no_force[3];
+
 void groundlink_running_gear_go(struct running_gear *gear, const double velocity[3],
                                 const double turn[3], const struct joint *springs,
                                 const double com[3], double force[3], double torque[3])
@@ -152,11 +164,16 @@ void groundlink_running_gear_go(struct running_gear *gear, const double velocity
         force[k] = torque[k] = 0.0;
     /* Shafts turn the base the other way. */
     torque[1] = -turn_shafts(gear);
+    for (size_t i = 0; i < gear->linkage.count; i++)
+        gear->linkage.arms[i]->torque = 0.0;
     for (size_t i = 0; i < gear->wheel_count; i++) {
         struct wheel *wheel = gear->wheels[i];
         wheel->along_spring = 0.0;
-        if (!wheel->touches)
+        if (!wheel->touches) {
+            if (wheel->arm && wheel->shaft)
+                groundlink_arm_push(wheel->arm, wheel->arm->at, no_force, wheel->shaft->taken);
             continue;
+        }
         double grip[2], pull[3], arm[3], moment[3];
         double tread = wheel->shaft ? wheel->shaft->tread : 0.0;
         groundlink_tire_settle(wheel->tire, tread, grip);
@@ -174,5 +191,10 @@ void groundlink_running_gear_go(struct running_gear *gear, const double velocity
             torque[k] += moment[k];
         }
         wheel->along_spring = pull[2];
+        if (wheel->arm) {
+            wheel->along_spring = wheel->arm->sine * pull[0] + wheel->arm->cosine * pull[2];
+            groundlink_arm_push(wheel->arm, wheel->foot, pull,
+                                wheel->shaft ? wheel->shaft->taken : 0.0);
+        }
     }
 }

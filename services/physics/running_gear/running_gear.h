@@ -40,6 +40,7 @@ struct shaft {
     size_t tire_count;
     double asked, asked_torque; /* NaN: that of the motor */
     double angle, speed, tread, torque;
+    double taken; /* rate of its angular momentum */
 };
 
 struct motors {
@@ -58,6 +59,22 @@ struct steering_joint {
     double angle, speed;
 };
 
+struct arm {
+    struct arm *parent; /* NULL: the base carries it */
+    double pivot[3];    /* at rest */
+    /* By the joints up to the base, about y: */
+    double angle, sine, cosine, rate;
+    double at[3], moves[2]; /* of the pivot; its velocity in the base along x and z */
+    double torque;
+};
+
+struct linkage {
+    struct arm **arms; /* parents first; their joints are in this order */
+    size_t count;
+    int32_t coupled[2]; /* by the differential bar, or -1 */
+    double stiffness, damping;
+};
+
 struct wheel {
     double center[3], radius, friction, resistance, ratio;
     double yaw, axle[2]; /* direction of an axle that is not steered */
@@ -67,6 +84,7 @@ struct wheel {
     struct shaft *shaft;            /* NULL: it does not turn */
     struct steering_joint *steering; /* NULL: it is not steered */
     struct soil_wheel *soil;         /* NULL: all ground is firm */
+    struct arm *arm;                 /* NULL: on the base */
     /* Contact with the ground in the last step. */
     int32_t touches;
     double grip, normal[3];
@@ -86,6 +104,7 @@ struct running_gear {
     struct battery *battery; /* NULL: never empty */
     double voltage_share, driving, braking;
     double drove, braked; /* sums of the last two over all ticks */
+    struct linkage linkage;
 };
 
 /* Depth of a wheel below the surface of the ground, on which it stands in the engine. */
@@ -107,6 +126,11 @@ void groundlink_motors_limits(const struct motors *, double, double, double[2]);
 double groundlink_motors_power(const struct motors *, double, double);
 double groundlink_battery_draw(struct battery *, double);
 void groundlink_steering_joint_turn(struct steering_joint *, double, double);
+void groundlink_linkage_place(struct linkage *, const struct joint *);
+void groundlink_arm_moves(const struct arm *, const double[3], double[2]);
+void groundlink_arm_carries(const struct arm *, const double[3], double, double[3]);
+void groundlink_arm_push(struct arm *, const double[3], const double[3], double);
+void groundlink_linkage_turn(struct linkage *, struct joint *);
 void groundlink_running_gear_go(struct running_gear *, const double[3], const double[3],
                                 const struct joint *, const double[3], double[3], double[3]);
 

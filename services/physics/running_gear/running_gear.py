@@ -18,6 +18,7 @@ from services.physics.dynamics.bodies import pointers
 from services.physics.dynamics.kernels import kernels
 from services.physics.dynamics.memory import PartWithMemory
 
+from .linkage import ArmLinkage, SwingingArm
 from .motor import BatteryCharge, Motors
 from .shaft import TurningShaft
 from .soil_wheel import SoilWheel
@@ -116,6 +117,7 @@ class RollingWheel(Structure):
         ("_shaft", POINTER(TurningShaft)),
         ("_steering", POINTER(SteeringJoint)),
         ("_soil", POINTER(SoilWheel)),
+        ("_arm", POINTER(SwingingArm)),
         ("_touches", c_int32),
         ("_grip_n", c_double),
         ("_normal_n", _VECTOR),
@@ -150,6 +152,7 @@ class RollingWheel(Structure):
         tire: Tire,
         steering_joint: SteeringJoint | None,
         soil: SoilWheel | None,
+        arm: SwingingArm | None,
     ) -> None:
         self.tire, self.soil = tire, soil
         yaw, rolls = wheel.yaw_rad, radians(wheel.rollers.angle_deg) if wheel.rollers else 0.0
@@ -164,6 +167,7 @@ class RollingWheel(Structure):
             *(preload_n, suspension.stiffness_npm, suspension.damping_nspm),
             *(pointer(tire), None, steering_joint and pointer(steering_joint)),
             soil and pointer(soil),
+            arm and pointer(arm),
             under=IN_AIR,
         )
 
@@ -247,6 +251,7 @@ class RunningGear(Structure):
         ("driving_w", c_double),
         ("braking_w", c_double),
         ("work", MotorWork),
+        ("_linkage", ArmLinkage),
     )
     driving_w: float
     """Mechanical power of the motors in the last tick, driving; `braking_w`: braking."""
@@ -262,6 +267,7 @@ class RunningGear(Structure):
         sinking: Sequence[SoilWheel | None] = (),
     ) -> None:
         self._charge = BatteryCharge(model.battery) if model.battery else None
+        self.linkage = ArmLinkage(model)
         joints = steering_joints(model)
         self._steering_joints = tuple(joints.values())
         self.wheels = [
@@ -278,6 +284,7 @@ class RunningGear(Structure):
                 ),
                 joints.get(wheel.name),
                 soil,
+                self.linkage.by_wheel.get(wheel.name),
             )
             for wheel, preload, mass, soil in zip(
                 *(model.wheels, preloads_n, borne_kg),
@@ -309,6 +316,7 @@ class RunningGear(Structure):
             *self._kept,
             *(len(self.wheels), len(self._driven), len(shafts)),
             *(Motors(model.drive), self._charge and pointer(self._charge), 1.0),
+            _linkage=self.linkage,
         )
 
     def ask(

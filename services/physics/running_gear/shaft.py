@@ -44,6 +44,7 @@ class TurningShaft(Structure):
         ("speed_radps", c_double),
         ("tread_mps", c_double),
         ("torque_nm", c_double),
+        ("_taken", c_double),
     )
     inertia_kgm2: float
     asked_radps: float

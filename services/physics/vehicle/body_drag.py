@@ -31,6 +31,7 @@ def body_drag(model: VehicleModel, payload: Sequence[Payload] = ()) -> BodyDrag:
     chassis = model.chassis
     parts = [(wheel.mass_kg, wheel.center_m) for wheel in model.wheels]
     parts += [(load.mass_kg, load.at_m) for load in payload]
+    parts += [(arm.mass_kg, arm.mass_center_m) for arm in model.arms]
     mass = chassis.mass_kg + sum(part_kg for part_kg, _ in parts)
     moments = list(chassis_moments(chassis))
     for part_kg, at_m in parts:

@@ -8,6 +8,7 @@ sphere are the same, and half as many links take half the time. The running gear
 """
 
 from collections.abc import Sequence
+from math import radians
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from groundlink.core.fields import Vector3
 from groundlink.core.frames import matrix_from_quaternion, rpy_from_matrix
+from groundlink.scenario.joints import Arm
 from groundlink.scenario.running_gear import Wheel
 from groundlink.scenario.vehicle import Chassis, Payload, VehicleModel
 from groundlink.world.solids import Box, Cylinder, Mesh, Shape, Solid, Sphere
@@ -49,6 +51,8 @@ def urdf(model: VehicleModel, payload: Sequence[Payload] = (), *, sinks: bool = 
         _collision(base, Box(size_m=chassis.size_m), chassis.center_m)
     for part in model.collisions:
         _collision(base, part.shape, part.position_m, _rpy(part))
+    for arm in model.arms:
+        _arm(robot, model, arm)
     for wheel in model.wheels:
         _wheel(robot, model, wheel, DEEPEST * wheel.radius_m if sinks else 0.0)
     for i, load in enumerate(payload):
@@ -116,14 +120,42 @@ def _fix(robot: Element, base: str, name: str, load: Payload) -> None:
     _inertial(_sub(robot, "link", name=name), load.mass_kg, box_moments(load.mass_kg, size))
 
 
+def _arm(robot: Element, model: VehicleModel, arm: Arm) -> None:
+    """Add an arm on its joint, which is named like the arm."""
+    parent, origin = model.base_frame, (0.0, 0.0, 0.0)
+    for other in model.arms:
+        if other.name == arm.parent:
+            parent, origin = f"{other.name}_link", other.pivot_m
+    joint = _sub(robot, "joint", name=arm.name, type="revolute")
+    _sub(joint, "parent", link=parent)
+    _sub(joint, "child", link=f"{arm.name}_link")
+    _sub(joint, "axis", xyz="0 1 0")
+    _sub(joint, "origin", xyz=_between(origin, arm.pivot_m))
+    _sub(
+        joint,
+        "limit",
+        lower=_text(radians(arm.lower_deg)),
+        upper=_text(radians(arm.upper_deg)),
+        effort=_text(MAX_SPRING_FORCE_N),
+        velocity=_text(MAX_SPRING_SPEED_MPS),
+    )
+    link = _sub(robot, "link", name=f"{arm.name}_link")
+    x, y, z = (c - p for c, p in zip(arm.mass_center_m, arm.pivot_m, strict=True))
+    _inertial(link, arm.mass_kg, box_moments(arm.mass_kg, arm.size_m), (x, y, z))
+
+
 def _wheel(robot: Element, model: VehicleModel, wheel: Wheel, sinking_m: float) -> None:
     """Add a wheel on its sliding joint."""
     name = f"{wheel.name}_link"
     slide = _sub(robot, "joint", name=suspension_joint(wheel), type="prismatic")
-    _sub(slide, "parent", link=model.base_frame)
+    carrier, origin = model.base_frame, (0.0, 0.0, 0.0)
+    for arm in model.arms:
+        if wheel.name in arm.wheels:
+            carrier, origin = f"{arm.name}_link", arm.pivot_m
+    _sub(slide, "parent", link=carrier)
     _sub(slide, "child", link=name)
     _sub(slide, "axis", xyz="0 0 1")
-    _sub(slide, "origin", xyz=_text(*wheel.center_m))
+    _sub(slide, "origin", xyz=_between(origin, wheel.center_m))
     travel = (wheel.suspension or model.suspension).travel_m
     _sub(
         slide,
@@ -172,6 +204,10 @@ def _rpy(solid: Solid) -> Vector3:
 
 def _sub(parent: Element, tag: str, **attributes: str) -> Element:
     return ElementTree.SubElement(parent, tag, attributes)
+
+
+def _between(origin: Vector3, place: Vector3) -> str:
+    return _text(*(b - a for a, b in zip(origin, place, strict=True)))
 
 
 def _text(*numbers: float) -> str:

@@ -218,6 +218,9 @@ void groundlink_vehicles_spring(struct vehicle **vehicles, size_t count)
             if (wheel->soil && position > wheel->soil->travel)
                 joint->force -= wheel->soil->stop * (position - wheel->soil->travel);
         }
+        if (gear->linkage.count)
+            groundlink_linkage_turn(&vehicles[i]->gear->linkage,
+                                    vehicles[i]->body->joints + gear->wheel_count);
     }
 }
 
@@ -244,6 +247,9 @@ void groundlink_vehicles_sense(struct vehicle **vehicles, size_t count)
         vehicle->velocity[0] = body->velocity[0] + o[1] * d[2] - o[2] * d[1];
         vehicle->velocity[1] = body->velocity[1] + o[2] * d[0] - o[0] * d[2];
         vehicle->velocity[2] = body->velocity[2] + o[0] * d[1] - o[1] * d[0];
+        if (vehicle->gear->linkage.count)
+            groundlink_linkage_place(&vehicle->gear->linkage,
+                                     body->joints + vehicle->gear->wheel_count);
     }
 }
 
@@ -252,7 +258,12 @@ static void write_pose(const struct vehicle *vehicle, size_t place, char *pose)
 {
     const struct wheel *wheel = vehicle->gear->wheels[place];
     const double *q = vehicle->body->orientation, *c = wheel->center;
-    double cz = c[2] + vehicle->body->joints[place].position - sinkage(wheel);
+    double position = vehicle->body->joints[place].position - sinkage(wheel), swung = 0.0;
+    double hub[3] = {c[0], c[1], c[2] + vehicle->body->joints[place].position - sinkage(wheel)};
+    if (wheel->arm) {
+        groundlink_arm_carries(wheel->arm, c, position, hub);
+        swung = wheel->arm->angle;
+    }
     double ux = q[0], uy = q[1], uz = q[2], uw = q[3];
     if (wheel->steering || wheel->yaw != 0.0) {
         /* A steered wheel is turned about z first. */
@@ -262,11 +273,11 @@ static void write_pose(const struct vehicle *vehicle, size_t place, char *pose)
         uz = q[2] * k + q[3] * s;
         uw = q[3] * k - q[2] * s;
     }
-    double half = (wheel->shaft ? wheel->shaft->angle * wheel->ratio : 0.0) / 2;
+    double half = (swung + (wheel->shaft ? wheel->shaft->angle * wheel->ratio : 0.0)) / 2;
     double sine = sin(half), cosine = cos(half), row[7];
     for (int k = 0; k < 3; k++) {
         const double *r = vehicle->rows[k];
-        row[k] = vehicle->origin[k] + r[0] * c[0] + r[1] * c[1] + r[2] * cz;
+        row[k] = vehicle->origin[k] + r[0] * hub[0] + r[1] * hub[1] + r[2] * hub[2];
     }
     /* A turn about y: (0, sine, 0, cosine). */
     row[3] = ux * cosine - uz * sine;
@@ -325,5 +336,16 @@ void groundlink_vehicles_write(struct vehicle **vehicles, size_t count)
         char *pose = vehicle->link_poses + (1 + vehicle->gear->wheel_count) * POSE;
         for (size_t k = 0; k < vehicle->link_count; k++)
             write_link(vehicle, &vehicle->links[k], pose + k * POSE);
+        pose += vehicle->link_count * POSE;
+        for (size_t k = 0; k < vehicle->gear->linkage.count; k++) {
+            const struct arm *arm = vehicle->gear->linkage.arms[k];
+            const struct joint *joint = &body->joints[vehicle->gear->wheel_count + k];
+            struct link link = {.orientation = {0.0, sin(arm->angle / 2), 0.0, cos(arm->angle / 2)}};
+            memcpy(link.position, arm->at, sizeof link.position);
+            write_link(vehicle, &link, pose + k * POSE);
+            size_t at = (vehicle->link_count + k) * sizeof joint->position;
+            memcpy(vehicle->servo_positions + at, &joint->position, sizeof joint->position);
+            memcpy(vehicle->servo_velocities + at, &joint->velocity, sizeof joint->velocity);
+        }
     }
 }

@@ -25,6 +25,7 @@ struct vehicle {
     const struct link *links; /* that servos move */
     size_t link_count;
     char *link_poses, *base_velocity, *joint_positions, *joint_velocities; /* of the state */
+    char *servo_positions, *servo_velocities;
 };
 
 /* Coefficients of friction, roughness and soils of the ground; `ground.py` fills it. */

@@ -36,6 +36,7 @@ from services.physics.dynamics.bodies import ArticulatedBody, BodyList, ContactP
 from services.physics.dynamics.chassis_contacts import ChassisContacts
 from services.physics.dynamics.kernels import kernels
 from services.physics.dynamics.memory import PartWithMemory, numbers_of, set_numbers
+from services.physics.running_gear.linkage import balance_rows
 from services.physics.running_gear.running_gear import GroundContact, RunningGear
 from services.physics.running_gear.soil_wheel import soil_wheels
 
@@ -111,6 +112,8 @@ class SimulatedVehicle(Structure):
         ("_base_velocity", c_void_p),
         ("_joint_positions", c_void_p),
         ("_joint_velocities", c_void_p),
+        ("_servo_positions", c_void_p),
+        ("_servo_velocities", c_void_p),
     )
     shake_n: float
     """Force of the engine's vibration in this tick, along the base's z."""
@@ -141,7 +144,7 @@ class SimulatedVehicle(Structure):
         self.articulated = body = backend.add_articulated(
             urdf(model, payload, sinks=bool(soils)),
             hulls,
-            [suspension_joint(wheel) for wheel in model.wheels],
+            [*map(suspension_joint, model.wheels), *(arm.name for arm in model.arms)],
             spawn_pose(vehicle, ground),
         )
         self.body, self._alone = body.number, BodyList([body])
@@ -149,6 +152,7 @@ class SimulatedVehicle(Structure):
         # Springs carry the model alone at rest, and a payload presses them further.
         preloads, loads = spring_loads(model), spring_loads(model, payload)
         model_kg = model.chassis.mass_kg + sum(wheel.mass_kg for wheel in model.wheels)
+        model_kg += sum(arm.mass_kg for arm in model.arms)
         whole_kg = model_kg + sum(load.mass_kg for load in payload)
         # A wheel held in the air counts with an equal share of the whole mass.
         borne_kg = [
@@ -187,7 +191,7 @@ class SimulatedVehicle(Structure):
         chassis = self._model.chassis
         surface = Surface(chassis.friction, chassis.restitution, CHASSIS)
         self._backend.set_surface(self.body, surface)
-        for wheel, joint in zip(self._model.wheels, self.articulated.joints, strict=True):
+        for wheel, joint in zip(self._model.wheels, self.articulated.joints, strict=False):
             # The tire model makes the grip; the backend's contact only carries.
             surface = Surface(0.0, wheel.restitution, WHEEL)
             self._backend.set_surface(self.body, surface, joint.link)
@@ -317,7 +321,7 @@ class SimulatedVehicle(Structure):
         dx, dy, dz = a * cx + b * cy + c * cz, d * cx + e * cy + f * cz, g * cx + h * cy + i * cz
         if pose is not None:
             self._backend.set_pose(self.body, ((x + dx, y + dy, z + dz), orientation))
-            self._set_springs([(0.0, 0.0)] * self._count)
+            self._set_springs([(0.0, 0.0)] * self.articulated.joint_count)
             self._begin_with([None] * self._count)
         # A new pose has taken the velocity away.
         velocity = vx + wy * dz - wz * dy, vy + wz * dx - wx * dz, vz + wx * dy - wy * dx
@@ -360,7 +364,12 @@ class SimulatedVehicle(Structure):
         """Place links where their servos are, and write where these are."""
         for link, (position, orientation) in zip(self._kept_links, self.servos.poses, strict=True):
             link.position_m[:], link.orientation[:] = position, orientation
-        self._state.servo_positions[:], self._state.servo_velocities[:] = self.servos.state
+        for kept, now in zip(
+            (self._state.servo_positions, self._state.servo_velocities),
+            self.servos.state,
+            strict=True,
+        ):
+            kept[: len(now)] = now
 
     def follow_roughness(self) -> None:
         """Lift the wheels by the ground that they touch and by their treads in this tick."""
@@ -417,8 +426,9 @@ class SimulatedVehicle(Structure):
 
     def blank_state(self) -> VehicleState:
         """Return a state of the size of its states, with zeros."""
-        wheels, joints = bytes(8 * self._count), bytes(8 * len(self._model.joints))
-        links = bytes(7 * 8 * (1 + self._count + len(self._model.joints)))
+        moved = len(self._model.moving_names)
+        wheels, joints = bytes(8 * self._count), bytes(8 * moved)
+        links = bytes(7 * 8 * (1 + self._count + moved))
         parts = (links, bytes(6 * 8), wheels, wheels, joints, joints)
         return VehicleState(*(memoryview(bytearray(part)) for part in parts))
 
@@ -433,12 +443,15 @@ class SimulatedVehicle(Structure):
                 *(state.joint_positions, state.joint_velocities),
             )
         )
+        self._servo_positions, self._servo_velocities = (
+            floats(part).ctypes.data for part in (state.servo_positions, state.servo_velocities)
+        )
 
 
 def spring_loads(model: VehicleModel, payload: Sequence[Payload] = ()) -> list[float]:
-    """Return the force (N) with which each spring carries chassis and payload at rest.
+    """Return the force (N) with which each spring carries chassis, arms and payload at rest.
 
-    Forces and their moments balance the weight of both and of wheels in the air. Of all such loads,
+    Forces and their moments balance the weight of all and of wheels in the air. Of all such loads,
     the one with the smallest sum of squares: that of springs of one stiffness. The springs of
     wheels in the air hold these up, so their force is negative.
     """
@@ -447,8 +460,13 @@ def spring_loads(model: VehicleModel, payload: Sequence[Payload] = ()) -> list[f
     hanging = np.where(standing, 0.0, [wheel.mass_kg for wheel in model.wheels])
     x, y, _ = model.chassis.center_m
     weights = model.chassis.mass_kg * np.array([1.0, x, y]) + places @ hanging
-    for load in payload:
-        weights = weights + load.mass_kg * np.array([1.0, *load.at_m[:2]])
+    others = [(load.mass_kg, load.at_m) for load in payload]
+    others += [(arm.mass_kg, arm.mass_center_m) for arm in model.arms]
+    for mass_kg, at_m in others:
+        weights = weights + mass_kg * np.array([1.0, *at_m[:2]])
+    if model.linkage:
+        rows, sums = zip(*balance_rows(model), strict=True)
+        places, weights = np.vstack([places, rows]), np.append(weights, sums)
     balance = np.linalg.lstsq(places * standing, GRAVITY_MPS2 * weights)[0]
     loads: list[float] = (balance - GRAVITY_MPS2 * hanging).tolist()
     return loads

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from msgspec.structs import replace
 
-from groundlink.core.frames import Floats, transform
+from groundlink.core.frames import Floats, multiply, transform
 from groundlink.loader.partial_scenario import FileKind
 from groundlink.scenario.joints import base_from_links
 from groundlink.scenario.schema import Scenario, Vehicle, World
@@ -123,9 +123,15 @@ def _standing(vehicle: Vehicle, terrain: Ground | None) -> Floats:
     joints = vehicle.model.joints
     still = (place for place, _ in base_from_links(joints, [0.0] * len(joints)))
     wheels = (wheel.center_m for wheel in vehicle.model.wheels)
-    in_base = np.array([(0.0, 0.0, 0.0), *wheels, *still])
+    arms = (arm.pivot_m for arm in vehicle.model.arms)
+    in_base = np.array([(0.0, 0.0, 0.0), *wheels, *still, *arms])
     positions = in_base @ base[:3, :3].T + base[:3, 3]
-    return np.hstack([positions, np.tile(turn, (len(positions), 1))])
+    turns = np.tile(turn, (len(positions), 1))
+    for i, wheel in enumerate(vehicle.model.wheels):
+        if wheel.yaw_rad:
+            half = wheel.yaw_rad / 2
+            turns[1 + i] = multiply(turn, (0.0, 0.0, np.sin(half), np.cos(half)))
+    return np.hstack([positions, turns])
 
 
 def _frames(vehicle: Vehicle, links: Floats, *, alone: bool) -> list[NamedFrame]:
