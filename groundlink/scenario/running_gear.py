@@ -44,6 +44,16 @@ class Rollers(Spec, frozen=True):
     """Friction in that direction as a share of the friction across it: bearings of the rollers."""
 
 
+class Inflation(Spec, frozen=True, kw_only=True):
+    """Pressure of a tire, which flattens on soil where that carries it."""
+
+    pressure_pa: Positive
+    """Pressure of the air above that of the atmosphere."""
+
+    carcass_pa: NonNegative = 0.0
+    """Ground pressure that the stiffness of the carcass adds."""
+
+
 class Wheel(Spec, frozen=True, kw_only=True):
     """A wheel; its joint is `<name>`, its link `<name>_link`."""
 
@@ -96,6 +106,9 @@ class Wheel(Spec, frozen=True, kw_only=True):
     yaw_deg: float | UnsetType = UNSET
     """Direction in which the wheel rolls, counterclockwise from the base's x axis, for an
     `omnidirectional` drive; none: along x."""
+
+    inflation: Inflation | UnsetType = UNSET
+    """Inflation of the tire, for soft soil; none: the wheel is rigid there."""
 
     material: str = "rubber"
     """Material of the default visual: a cylinder of radius and width about the axle, the link's y
@@ -308,6 +321,8 @@ class Tracked(SideSteered, frozen=True, tag="tracked"):
         """Refuse casters and fewer than two wheels on a side."""
         if any(wheel.caster for wheel in wheels):
             raise ValueError("a `tracked` drive has no casters")
+        if any(wheel.inflation for wheel in wheels):
+            raise ValueError("a `tracked` drive has no `inflation`: links press the soil")
         if min(len(track.wheels) for track in self.shafts(wheels)) < 2:
             raise ValueError("a `tracked` drive needs two road wheels or more on each side")
 

@@ -15,7 +15,7 @@ from msgspec import UNSET, Meta, UnsetType, field
 from msgspec.structs import replace
 
 from groundlink.core.clock import NANOS, TICK_RATE_HZ, exact
-from groundlink.core.fields import Spec, Vector3
+from groundlink.core.fields import Positive, Spec, Vector3
 from groundlink.world.actors import Actor, EntityDescription
 from groundlink.world.objects.indoor_specs import Clutter, Furniture, Room
 from groundlink.world.objects.outdoor_specs import OutdoorObject
@@ -243,8 +243,17 @@ class Vehicle(Spec, frozen=True, kw_only=True):
     """Loads on the vehicle: they add to its mass and inertia, shift its center of mass and press
     its springs; none: the model's own mass."""
 
+    tire_pressure_pa: Positive | UnsetType = UNSET
+    """Pressure of all inflated tires, as a central tire inflation sets it; none: the `inflation` of
+    each wheel."""
+
     def __post_init__(self) -> None:
         self.model.with_effects(self.effects)
+        if self.tire_pressure_pa and not any(wheel.inflation for wheel in self.model.wheels):
+            raise ValueError(
+                f"`tire_pressure_pa`: no wheel of `{self.model.name}` has an `inflation`. Fix: add "
+                "`inflation: {pressure_pa: ...}` to the wheels of the model"
+            )
         for sensor in self.sensors:
             try:
                 self.model.link_of(sensor.mount)

@@ -19,7 +19,8 @@ from groundlink.world.solids import Soil
 from services.physics.dynamics.backend import GRAVITY_MPS2
 from services.physics.dynamics.bodies import pointers
 from services.physics.dynamics.ground import FIRM
-from services.physics.soil.table import SoilTable, track_table, wheel_table
+from services.physics.soil.table import SoilTable, tire_table, track_table, wheel_table
+from services.physics.soil.tire import InflatedTire
 from services.physics.soil.track import TrackSection
 from services.physics.soil.wheel import DEEPEST
 
@@ -104,7 +105,11 @@ class SoilWheel(Structure):
 
 
 def soil_wheels(
-    model: VehicleModel, borne_kg: Sequence[float], soils: Sequence[Soil], pitch_m: float | None
+    model: VehicleModel,
+    borne_kg: Sequence[float],
+    soils: Sequence[Soil],
+    pitch_m: float | None,
+    tire_pressure_pa: float | None = None,
 ) -> list[SoilWheel]:
     """Return the wheels of a vehicle in a world with soils, in the model's order.
 
@@ -114,6 +119,8 @@ def soil_wheels(
         the mass that rests on each wheel on level ground.
     pitch_m
         of the links of a track; None: unknown.
+    tire_pressure_pa
+        of all inflated tires; None: that of each wheel.
     """
     wheels = []
     for wheel, mass in zip(model.wheels, borne_kg, strict=True):
@@ -122,6 +129,11 @@ def soil_wheels(
         for soil in soils:
             if isinstance(model.drive, Tracked):
                 tables += [track_table(soil, t, load_n) for t in _sections(model, wheel, pitch_m)]
+            elif wheel.inflation:
+                air_pa = tire_pressure_pa or wheel.inflation.pressure_pa
+                pressure_pa = air_pa + wheel.inflation.carcass_pa
+                tire = InflatedTire(wheel.radius_m, wheel.width_m, pressure_pa)
+                tables += [tire_table(soil, tire, load_n)] * 2
             else:
                 tables += [wheel_table(soil, wheel.radius_m, wheel.width_m, load_n)] * 2
         wheels.append(SoilWheel(model, wheel, tables, borne_kg=mass))

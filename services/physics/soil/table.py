@@ -14,6 +14,7 @@ from groundlink.core.frames import Floats
 from groundlink.world.solids import Soil
 from services.physics.dynamics.kernels import kernels
 
+from .tire import InflatedTire, tire_forces, tire_sinkage
 from .track import TrackSection, track_forces, track_sinkage
 from .wheel import SoilForces, wheel_forces, wheel_sinkage
 
@@ -103,6 +104,19 @@ def wheel_table(soil: Soil, radius_m: float, width_m: float, load_n: float) -> S
 
     def forces(sunk: Floats, load: Floats, slip: Floats, rut: Floats) -> SoilForces:
         return wheel_forces(soil, radius_m, width_m, sunk, slip, rut)
+
+    return SoilTable(sinkage, forces, load_n)
+
+
+@lru_cache(maxsize=64)
+def tire_table(soil: Soil, tire: InflatedTire, load_n: float) -> SoilTable:
+    """Return the table of an inflated tire."""
+
+    def sinkage(load: Floats, slip: Floats, rut: Floats) -> Floats:
+        return tire_sinkage(soil, tire, load, slip, rut)
+
+    def forces(sunk: Floats, load: Floats, slip: Floats, rut: Floats) -> SoilForces:
+        return tire_forces(soil, tire, sunk, load, slip, rut)
 
     return SoilTable(sinkage, forces, load_n)
 

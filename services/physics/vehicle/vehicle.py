@@ -161,7 +161,8 @@ class SimulatedVehicle(Structure):
         ]
         links = vibration.tread if (vibration := vehicle.model.vibration) else None
         pitch_m = links.pitch_m if links else None
-        sinking = soil_wheels(model, borne_kg, soils, pitch_m) if soils else ()
+        air_pa = vehicle.tire_pressure_pa or None
+        sinking = soil_wheels(model, borne_kg, soils, pitch_m, air_pa) if soils else ()
         self.running_gear = RunningGear(model, preloads, borne_kg, sinking)
         tread, engine = (v.tread, v.engine) if (v := model.vibration) else (None, None)
         self.ride = Ride(self.running_gear.wheels, rough, tread) if rough or tread else None

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from contextlib import closing
 from math import degrees, radians, sin
 
-import msgspec
 import numpy as np
 import pytest
 from msgspec import UNSET
@@ -13,10 +12,9 @@ from msgspec.structs import replace
 
 from groundlink.core.clock import TICK_RATE_HZ, TICK_SECONDS
 from groundlink.core.frames import matrix_from_quaternion
-from groundlink.loader.material_library import soil_library
 from groundlink.scenario.schema import Scenario, Vehicle, World
 from groundlink.scenario.vehicle import Chassis, Payload, Suspension, VehicleModel
-from groundlink.world.solids import Material, Soil
+from groundlink.world.solids import Material
 from services.physics.dynamics.backend import GRAVITY_MPS2
 from services.physics.dynamics.bodies import BodyList
 from services.physics.dynamics.bullet import BulletBackend
@@ -24,9 +22,8 @@ from services.physics.simulation.simulation import Simulation
 from services.physics.trials.track import FLOOR, MATERIALS, NAME, drive
 from services.physics.vehicle.urdf import box_moments, suspension_joint, urdf
 from services.physics.vehicle.vehicle import spring_loads
-from tests.services.physics.grounds import shipped
+from tests.services.physics.grounds import SOILS, shipped
 
-SOILS = msgspec.convert(soil_library(), dict[str, Soil])
 AT_REAR = Payload(mass_kg=20.0, at_m=(-0.15, 0.05, 0.3), size_m=(0.3, 0.2, 0.4))
 
 

@@ -10,8 +10,8 @@ from msgspec.structs import replace
 from scipy.optimize import brentq
 
 from groundlink.messages.ground_truth import WheelInSoil
-from groundlink.scenario.running_gear import Tracked
-from groundlink.scenario.schema import Placement
+from groundlink.scenario.running_gear import Inflation, Tracked
+from groundlink.scenario.schema import Placement, Scenario, Vehicle, World
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Box, Material, Solid
 from services.physics.dynamics.backend import GRAVITY_MPS2
@@ -19,7 +19,7 @@ from services.physics.dynamics.bullet import BulletBackend
 from services.physics.simulation.simulation import Simulation
 from services.physics.soil.track import TrackSection, track_forces, track_sinkage
 from services.physics.soil.wheel import wheel_forces, wheel_sinkage
-from services.physics.trials.track import Drive, drive, put, slope
+from services.physics.trials.track import FLOOR, NAME, Drive, drive, put, slope
 from tests.services.physics.grounds import SOILS, shipped
 from tests.services.physics.terrains import terrain, world
 
@@ -249,3 +249,37 @@ def test_ground_without_soil_has_no_wheels_in_soil() -> None:
         drive(simulation, 0.1)
         [vitals] = simulation.vitals(0)
     assert vitals.soil is msgspec.UNSET
+
+
+def test_less_pressure_in_its_tires_carries_a_rover_over_sand() -> None:
+    rover = shipped("rover")
+    inflated = tuple(
+        replace(w, inflation=Inflation(pressure_pa=90e3, carcass_pa=3e3)) for w in rover.wheels
+    )
+    model = replace(rover, wheels=inflated)
+    sand = World(name="track", materials={"ground": Material(friction=1, soil=SOILS["dry_sand"])})
+    vehicles = {
+        "rigid": Vehicle(name=NAME, model=rover),
+        "soft": Vehicle(name=NAME, model=model, tire_pressure_pa=8e3),
+    }
+    sunk = {}
+    for name, vehicle in vehicles.items():
+        scenario = Scenario(name="track", world=sand, vehicles=(vehicle,))
+        with Simulation(scenario, (FLOOR,)) as simulation:
+            drive(simulation, 6.0, (0.5, 0.0))
+            found = in_soil(simulation)[0]
+            sunk[name] = found.sinkage_m, found.slip
+    modulus = SOILS["dry_sand"].k_c / rover.wheels[0].width_m + SOILS["dry_sand"].k_phi
+    flat = (11e3 / modulus) ** (1 / SOILS["dry_sand"].n)
+    assert flat < sunk["soft"][0] < 1.3 * flat  # Slip digs.
+    assert sunk["soft"][1] < 0.7 * sunk["rigid"][1]
+
+
+def test_pressures_without_inflated_tires_are_refused() -> None:
+    with pytest.raises(ValueError, match="no wheel of `rover` has an `inflation`"):
+        Vehicle(name=NAME, model=shipped("rover"), tire_pressure_pa=8e4)
+    tank = shipped("tank")
+    air = Inflation(pressure_pa=1e5)
+    wheels = (replace(tank.wheels[0], inflation=air), *tank.wheels[1:])
+    with pytest.raises(ValueError, match="`tracked` drive has no `inflation`"):
+        replace(tank, wheels=wheels)
