@@ -30,6 +30,7 @@ from groundlink.core.frames import Floats
 from groundlink.loader import load
 from groundlink.loader.scenario_files import SHIPPED, read_datasheet
 from groundlink.messages.base import PointCloud, State
+from groundlink.process.memory import keep_memory
 from groundlink.world.triangles import of_ground
 from groundlink.world.weather import Sun
 from services.sensors.lidar.model import LidarModel
@@ -146,7 +147,7 @@ def room(rounds: int, scenario_file: Path) -> list[Claim]:
     }
     times = by_turns(calls, rounds)
     as_solids, as_meshes = (ratio(times, name, "ours") for name in list(calls)[1:])
-    return [Claim("room: PyBullet's time over ours, its best form", min(as_solids, as_meshes), 16)]
+    return [Claim("room: PyBullet's time over ours, its best form", min(as_solids, as_meshes), 17)]
 
 
 def hills(rounds: int, _: Path) -> list[Claim]:
@@ -194,11 +195,11 @@ def hills(rounds: int, _: Path) -> list[Claim]:
     times["raw"] = times[rays] + times[motion]
     bullets = [ratio(times, name, noisy) for name in (as_heights, as_mesh)]
     return [
-        Claim("hills: PyBullet's time over ours, its best form", min(bullets), 13),
-        Claim("hills: raw Embree's over ours", ratio(times, "raw", noisy), 1.4),
-        Claim("hills: its rays alone over ours, whole", ratio(times, rays, noisy), 1.1),
-        Claim("hills: eight by eight at rest over ours", ratio(times, eights, noisy), 0.4),
-        Claim("hills: raw Embree's over ours, as heights", ratio(times, "raw", by_heights), 1.1),
+        Claim("hills: PyBullet's time over ours, its best form", min(bullets), 14.5),
+        Claim("hills: raw Embree's over ours", ratio(times, "raw", noisy), 1.5),
+        Claim("hills: its rays alone over ours, whole", ratio(times, rays, noisy), 1.2),
+        Claim("hills: eight by eight at rest over ours", ratio(times, eights, noisy), 0.45),
+        Claim("hills: raw Embree's over ours, as heights", ratio(times, "raw", by_heights), 1.2),
     ]
 
 
@@ -294,6 +295,7 @@ def main(arguments: Sequence[str]) -> int:
     )
     parser.add_argument("--rounds", type=int, default=7)
     options = parser.parse_args(arguments)
+    keep_memory()  # As the process of a sensor does.
     claims = []
     for name in [options.only] if options.only else PARTS:
         claims += PARTS[name](options.rounds, options.scenario)

@@ -20,8 +20,8 @@ from .terrain import Relief
 
 FEW_HEIGHTS = 600_000
 """Most heights of a terrain that becomes triangles; a larger one is hit as heights, and so is one
-with ruts. In a million triangles a revolution takes four fifths of the time, but building them
-takes 1 s and 100 MB."""
+with ruts. In a million triangles a revolution takes three quarters of the time, but building
+them takes 1 s and 100 MB."""
 
 
 class Replica(WorldReplica):

@@ -313,3 +313,20 @@ def test_no_ray_slips_between_triangles(engine: type[RayEngine]) -> None:
         times = np.zeros(len(targets), np.float32)
         hits = Scene(ground, engine=engine).cast(origins.T, directions.T, times, 2.0)
         np.testing.assert_allclose(hits.range_m, 1.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("away_m", [0.0, 5000.0])
+def test_a_world_is_met_up_to_its_bounds(engine: type[RayEngine], away_m: float) -> None:
+    """Rays that all go for the rim of a flat square, from above and from below."""
+    rng = np.random.default_rng(10)
+    rim = np.column_stack([np.full(256, 9.998), rng.uniform(-9.998, 9.998, 256), np.zeros(256)])
+    square = sheet(rng, points=3, cell_m=10.0, rough_m=0.0)
+    moved = np.array([away_m, -away_m, 0.0])
+    vertices = (square.vertices + moved).astype(np.float32)
+    scene = Scene(Triangles(vertices, square.faces, square.labels), engine=engine)
+    for height in (-0.5, 0.5):
+        eye = (moved + (30.0, 3.0, height)).astype(np.float32)
+        directions = (rim + moved - eye).astype(np.float32)
+        origins = np.tile(eye, (256, 1)).T
+        hits = scene.cast(origins, directions.T, np.zeros(256, np.float32), 2.0)
+        np.testing.assert_allclose(hits.range_m, 1.0, atol=1e-3)
