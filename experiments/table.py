@@ -27,6 +27,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "indoor_mono": Experiment(indoor_cameras.mono, minutes=8),
     "indoor_rgbd": Experiment(indoor_cameras.rgbd, minutes=8),
     "outdoor_lidar": Experiment(outdoors.lidar, minutes=6),
+    "outdoor_grass": Experiment(outdoors.grass, minutes=12),
     "outdoor_lap": Experiment(outdoors.lap, minutes=9),
     "outdoor_defaults": Experiment(patterns.defaults, minutes=15),
     "outdoor_mono": Experiment(outdoors.mono, minutes=11),

@@ -212,8 +212,8 @@ def loaded_by(*modules: str) -> dict[str, str]:
     ("modules", "most"),
     [
         (("services.router.__main__",), 27),
-        (("services.sensors.imu.__main__", "services.sensors.imu.model"), 108),
-        (("services.gateway.__main__",), 169),
+        (("services.sensors.imu.__main__", "services.sensors.imu.model"), 109),
+        (("services.gateway.__main__",), 170),
     ],
     ids=["router", "imu", "gateway"],
 )

@@ -57,9 +57,9 @@ def _exit_codes() -> str:
         0: "Success. After `up` and `record`: every declared rate was kept within 2 %, no "
         "vehicle ended badly, and every expectation of the scenario passed.",
         1: "A result is not as required: a declared rate was not kept, a vehicle ended stuck, "
-        "tipped over, falling or off the map (after `record`; after `up` with `--duration` or a "
-        "route), an expectation failed or was not decided (`up`, `record`, `judge`), `overload: "
-        "fail` ended the run, or `verify` found a difference.",
+        "drowned, tipped over, falling or off the map (after `record`; after `up` with "
+        "`--duration` or a route), an expectation failed or was not decided (`up`, `record`, "
+        "`judge`), `overload: fail` ended the run, or `verify` found a difference.",
         **{error.exit_code: _first_line(error) for error in (UserError, RequirementError)},
         RunFailed.exit_code: f"{_first_line(RunFailed)} Of `python -m services.physics` only.",
         INTERRUPTED: "Ended by Ctrl-C.",

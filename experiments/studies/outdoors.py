@@ -5,10 +5,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from experiments.estimation.estimators import GICP, LIDAR_INERTIAL, compare_estimators
+from experiments.estimation.estimators import (
+    GICP,
+    LIDAR_INERTIAL,
+    compare_estimators,
+    run_estimator,
+)
 from experiments.estimation.evaluation import Evaluation
 from experiments.estimation.vocabulary import INDOORS
-from experiments.experiment import ExperimentOptions
+from experiments.experiment import ExperimentOptions, record_setup
 from experiments.recording.setups import Changes, Setup, shipped, waypoints
 
 from .pictures import CameraStudy, orb_slam3
@@ -37,6 +42,13 @@ own settings for a VLP-16 in the field."""
 
 IN_OPEN_COUNTRY = replace(LIDAR_INERTIAL, settings=(*LIDAR_INERTIAL.settings, *OPEN_COUNTRY))
 
+TALL_GRASS: dict[str, Any] = {
+    "ground": ["grass", "meadow", "stubble"],
+    "height_m": [0.3, 0.7],
+    "leaf_area_density_per_m": 5.0,
+}
+"""As a meadow before it is mown, with a leaf area index of 2.5; it stands beside the road."""
+
 LIMIT_M = 0.4
 CAMERA_LIMIT_SHARE = 0.01
 """Of the way."""
@@ -60,6 +72,23 @@ def lidar(options: ExperimentOptions) -> Sequence[Evaluation]:
     """Run odometry by LiDAR and IMU, and by LiDAR alone, over 170 m of the road (6.4)."""
     setup = drive(options, "outdoor_lidar", SECONDS, CLOUDS)
     return compare_estimators(options, setup, {IN_OPEN_COUNTRY: LIMIT_M, GICP: 0.0})
+
+
+def grass(options: ExperimentOptions) -> Sequence[Evaluation]:
+    """Run the same odometry over 170 m, between lawns and between tall grass (6.4)."""
+    world = shipped("worlds/rural")
+    bare = drive(options, "outdoor_grass", SECONDS, CLOUDS)
+    results = []
+    for seed in options.seeds:
+        for case, areas in (("lawn", []), ("tall grass", [TALL_GRASS])):
+            setup = replace(bare, seed=seed, top={"world": world | {"grass": areas}})
+            recording = record_setup(options, setup)
+            for estimator in (IN_OPEN_COUNTRY, GICP):
+                result, _ = run_estimator(
+                    options, estimator, recording, experiment=bare.name, case=case
+                )
+                results.append(result)
+    return results
 
 
 def lap(options: ExperimentOptions) -> Sequence[Evaluation]:

@@ -11,7 +11,8 @@ import msgspec
 from groundlink.core.fields import Vector3
 
 STANDING, DRIVING = "standing", "driving"
-LEFT, FALLING, TIPPED, STUCK = "left the map", "falling", "tipped over", "stuck"
+LEFT, FALLING, TIPPED = "left the map", "falling", "tipped over"
+DROWNED, STUCK = "drowned", "stuck"
 
 FOLLOWED_SHARE = 0.5
 """A vehicle that does less of what is commanded is reported, wherever it ends. Shipped vehicles
@@ -23,7 +24,7 @@ LEAST_RAD = 0.5
 
 
 class MissionEvent(msgspec.Struct, frozen=True):
-    """A time in which a vehicle was stuck, tipped over, falling or off the map."""
+    """A time in which a vehicle was stuck, drowned, tipped over, falling or off the map."""
 
     state: str
     begin_seconds: float
@@ -58,7 +59,7 @@ class Mission(msgspec.Struct, frozen=True):
 
     vehicle: str
     state: str
-    """At the end: standing, driving, stuck, tipped over, falling or left the map."""
+    """At the end: standing, driving, stuck, drowned, tipped over, falling or left the map."""
 
     seconds: float
     """Sim time of the last state."""

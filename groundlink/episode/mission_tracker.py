@@ -25,7 +25,17 @@ from groundlink.scenario.vehicle import VehicleModel
 from groundlink.scene.build import solids
 from groundlink.world.bounds import Bounds, bounds
 
-from .mission import DRIVING, FALLING, LEFT, STANDING, STUCK, TIPPED, Mission, MissionEvent
+from .mission import (
+    DRIVING,
+    DROWNED,
+    FALLING,
+    LEFT,
+    STANDING,
+    STUCK,
+    TIPPED,
+    Mission,
+    MissionEvent,
+)
 from .routes import Leg, line
 
 PERIOD_SECONDS = 0.1
@@ -77,7 +87,13 @@ MAX_WAITING = 1000
 MAX_EVENTS = 100
 """Events kept of one vehicle; later ones only count as time."""
 
-DELAYS = {LEFT: 0.0, FALLING: FALLING_SECONDS, TIPPED: TIPPED_SECONDS, STUCK: STUCK_SECONDS}
+DELAYS = {
+    LEFT: 0.0,
+    FALLING: FALLING_SECONDS,
+    TIPPED: TIPPED_SECONDS,
+    DROWNED: 0.0,
+    STUCK: STUCK_SECONDS,
+}
 """Failures, the worst first, and how long each must last to count."""
 
 
@@ -291,6 +307,7 @@ class MissionTracker:
         self._latest = _LatestMotion()
         self._command = _Command()
         self._touched: dict[str, float] = {}
+        self._has_drowned = False
         self._conditions: dict[str, _Condition] = {}
         self._events: list[MissionEvent] = []
         self._stuck_seconds = 0.0
@@ -305,6 +322,10 @@ class MissionTracker:
     def touched(self, seconds: float, names: Iterable[str]) -> None:
         """Take the names of all that the vehicle touches, besides the ground under its wheels."""
         self._touched |= dict.fromkeys(names, seconds)
+
+    def drowned(self) -> None:
+        """Take that the motors have stopped in deep water."""
+        self._has_drowned = True
 
     def moved(self, seconds: float, position_m: Vector3, orientation: Quaternion) -> None:
         """Take a state: the pose of the base in the world. Times increase."""
@@ -329,6 +350,7 @@ class MissionTracker:
         self._judge(LEFT, self._is_outside(position_m), seconds, position_m)
         self._judge(FALLING, downward_mps > self._falling_mps, seconds, position_m)
         self._judge(TIPPED, upright < cos(radians(TIPPED_DEG)), seconds, position_m)
+        self._judge(DROWNED, self._has_drowned, seconds, position_m)
         begin, is_stuck = self._latest.begin, self._latest.is_stuck() or is_given_up
         self._judge(STUCK, is_stuck, begin.seconds, begin.position_m)
 
@@ -453,6 +475,7 @@ class MissionTracker:
 _FIXES = {
     FALLING: "put ground below it, or end its route before the edge",
     TIPPED: "turn more slowly or take gentler slopes; `groundlink try` tells where it tips",
+    DROWNED: "end its route before water deeper than `wading.depth_m` of its model",
     STUCK: "check torque, friction and wheels in the air with `groundlink try VEHICLE.yaml`",
 }
 

@@ -202,6 +202,8 @@ class _VehicleJudge:
             names = [contact.name for contact in message.contacts]
             for one in trackers:
                 one.touched(message.tick * TICK_NANOS / NANOS, names)
+                if message.has_drowned:
+                    one.drowned()
         elif isinstance(message, Odometry | PoseStamped):
             seconds = (message.stamp_nanos - self._begun[0]) / NANOS
             pose = planar(seconds, message.position_m, message.orientation)

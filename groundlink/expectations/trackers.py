@@ -94,6 +94,9 @@ class ExpectationTracker:
     def touched(self, seconds: float, names: Sequence[str]) -> None:
         """Take what the vehicle touched since the last call."""
 
+    def drowned(self) -> None:
+        """Take that the vehicle's motors have stopped in deep water."""
+
     def commanded(self, seconds: float, speed_mps: float, turn_radps: float) -> None:
         """Take a command to the vehicle."""
 
@@ -334,6 +337,9 @@ class _FailureTracker(_Limit):
 
     def touched(self, seconds: float, names: Sequence[str]) -> None:
         self._mission.touched(seconds, names)
+
+    def drowned(self) -> None:
+        self._mission.drowned()
 
     def commanded(self, seconds: float, speed_mps: float, turn_radps: float) -> None:
         self._mission.commanded(seconds, speed_mps, turn_radps)

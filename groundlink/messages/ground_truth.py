@@ -200,6 +200,16 @@ class WheelInSoil(Struct, frozen=True):
     """Depth of the wheel's lowest point below the untouched surface."""
 
 
+class InWater(Struct, frozen=True):
+    """A vehicle in standing water."""
+
+    depth_m: float
+    """Depth of the lowest point of the deepest wheel below the surface."""
+
+    drowned: bool
+    """Whether the water was too deep for the motors, which have stopped for good."""
+
+
 class Vitals(BusMessage, frozen=True):
     """Motor energy, contacts, battery and sinkage of a vehicle, 10 times per second of sim time.
 
@@ -224,3 +234,11 @@ class Vitals(BusMessage, frozen=True):
 
     soil: tuple[WheelInSoil, ...] | UnsetType = UNSET
     """Wheels that stand on soil. Left out where none does."""
+
+    water: InWater | UnsetType = UNSET
+    """Standing water around the vehicle. Left out on dry ground, unless the motors have drowned."""
+
+    @property
+    def has_drowned(self) -> bool:
+        """Whether the motors have stopped in water that was too deep."""
+        return not isinstance(self.water, UnsetType) and self.water.drowned

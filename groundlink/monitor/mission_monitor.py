@@ -129,6 +129,8 @@ class _VehicleMonitor:
             names = (contact.name for contact in message.contacts)
             tracker = self._tracker_of_episode(message)
             tracker.touched(message.tick * TICK_NANOS / NANOS, names)
+            if message.has_drowned:
+                tracker.drowned()
         elif self.tracker is None:
             return
         elif isinstance(message, Odometry):

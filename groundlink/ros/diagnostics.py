@@ -14,7 +14,7 @@ from msgspec import UNSET
 
 from groundlink.episode.fault_messages import Faults
 from groundlink.messages.base import NOT_REPORTED, Health, M, StreamReport
-from groundlink.messages.ground_truth import BatteryState, Contact, Vitals, WheelInSoil
+from groundlink.messages.ground_truth import BatteryState, Contact, InWater, Vitals, WheelInSoil
 from groundlink.messages.missing_readings import MissingReadings, MissingSpan, in_words, parted
 from groundlink.scenario.faults import Fault
 
@@ -38,7 +38,7 @@ SOIL_PREFIX = "soil "
 FAULT_PREFIX = "fault "
 """Prefix of the keys of faults; the fault's number follows."""
 
-_BATTERY = "battery"
+_BATTERY, _WATER = "battery", "water"
 
 
 def diagnostics(stamp_nanos: int, healths: Iterable[Health]) -> memoryview:
@@ -91,6 +91,8 @@ def _vitals(message: Vitals) -> dict[str, Any]:
     }
     if message.battery:
         facts[_BATTERY] = msgspec.json.encode(message.battery).decode()
+    if message.water:
+        facts[_WATER] = msgspec.json.encode(message.water).decode()
     for wheel in message.soil or ():
         depth = {"slip": wheel.slip, "sinkage_m": wheel.sinkage_m}
         facts[SOIL_PREFIX + wheel.wheel] = msgspec.json.encode(depth).decode()
@@ -98,10 +100,10 @@ def _vitals(message: Vitals) -> dict[str, Any]:
         rest = {"force_n": contact.force_n, "tick": contact.tick, "ticks": contact.ticks}
         facts[CONTACT_PREFIX + contact.name] = msgspec.json.encode(rest).decode()
     names = ", ".join(contact.name for contact in message.contacts)
-    summary = f"touches {names}" if names else "touches nothing"
-    return _only(
-        message.stamp_nanos, message.vehicle, "vitals", WARN if names else OK, summary, facts
-    )
+    level, summary = (WARN, f"touches {names}") if names else (OK, "touches nothing")
+    if message.has_drowned:
+        level, summary = ERROR, f"motors have drowned, {summary}"
+    return _only(message.stamp_nanos, message.vehicle, "vitals", level, summary, facts)
 
 
 def from_vitals(array: Any) -> Vitals:
@@ -121,6 +123,7 @@ def from_vitals(array: Any) -> Vitals:
         _named(facts, CONTACT_PREFIX, "name", Contact),
         battery,
         _named(facts, SOIL_PREFIX, "wheel", WheelInSoil) or UNSET,
+        msgspec.json.decode(facts[_WATER], type=InWater) if _WATER in facts else UNSET,
     )
 
 

@@ -13,7 +13,7 @@ from groundlink.core.fields import Fraction01, NonNegative, Positive, Spec
 
 from .every_sensor import Name, RosTopic
 
-FailureKind = Literal["stuck", "tipped over", "falling", "left the map"]
+FailureKind = Literal["stuck", "drowned", "tipped over", "falling", "left the map"]
 """Failures of a vehicle that its mission verdict knows."""
 
 
@@ -121,7 +121,7 @@ class StaysOnRoute(VehicleSpan, frozen=True, tag="stays_on_route", kw_only=True)
 
 
 class NeverFails(VehicleSpan, frozen=True, tag="never_fails", kw_only=True):
-    """The vehicle is never stuck, tipped over, falling or off the map."""
+    """The vehicle is never stuck, drowned, tipped over, falling or off the map."""
 
     allowed: tuple[FailureKind, ...] = ()
     """Failures that do not count."""

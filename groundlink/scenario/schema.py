@@ -17,6 +17,7 @@ from msgspec.structs import replace
 from groundlink.core.clock import NANOS, TICK_RATE_HZ, exact
 from groundlink.core.fields import Positive, Spec, Vector3
 from groundlink.world.actors import Actor, EntityDescription
+from groundlink.world.cover import GrassArea, WaterArea
 from groundlink.world.objects.indoor_specs import Clutter, Furniture, Room
 from groundlink.world.objects.outdoor_specs import OutdoorObject
 from groundlink.world.solids import Material, Solid
@@ -139,6 +140,12 @@ class World(Spec, frozen=True, kw_only=True):
     terrain: Terrain | None = None
     """Terrain; none: the only ground is that of the room and of solids."""
 
+    water: Annotated[tuple[WaterArea, ...], Meta(max_length=16)] = ()
+    """Standing water on the terrain, through which vehicles wade."""
+
+    grass: Annotated[tuple[GrassArea, ...], Meta(max_length=16)] = ()
+    """Tall grass on the terrain, through which LiDARs see in part."""
+
     clutter: Clutter | None = None
     """Boxes and cans at random places in the room; none: no clutter."""
 
@@ -168,6 +175,15 @@ class World(Spec, frozen=True, kw_only=True):
 
     entities: dict[str, EntityDescription] = field(default_factory=dict)
     """Descriptions of actors, solids, furniture and vehicles for tools, by name."""
+
+    @property
+    def ground_materials(self) -> tuple[str, ...]:
+        """Materials of the terrain by number, then of each area of water and of grass."""
+        if self.terrain is None:
+            return ()
+        water = (area.material for area in self.water)
+        grass = (area.material for area in self.grass)
+        return (*self.terrain.materials, *water, *grass)
 
     @property
     def sun(self) -> Sun | None:

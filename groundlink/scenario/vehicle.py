@@ -185,6 +185,18 @@ class Payload(Spec, frozen=True, kw_only=True):
     """Full lengths of the load along x, y, z, a uniform box; none: a point."""
 
 
+class Wading(Spec, frozen=True, kw_only=True):
+    """How a vehicle takes standing water."""
+
+    depth_m: Positive | None = None
+    """Depth of water at the deepest wheel beyond which the motors stop for good; none: they run
+    at any depth."""
+
+    displaced_m3: NonNegative | None = None
+    """Water that the body displaces when it is under water; none: the volume of its box. A body
+    that fills with water displaces little."""
+
+
 class VehicleModel(Spec, frozen=True, kw_only=True):
     """Model of a vehicle."""
 
@@ -235,6 +247,9 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
 
     bumper: Bumper | None = None
     """Elasticity of the chassis in contacts, where `effects` of the vehicle has it."""
+
+    wading: Wading | UnsetType = UNSET
+    """Wading through standing water; none: the body is tight, and the motors run at any depth."""
 
     def __post_init__(self) -> None:
         names = [wheel.name for wheel in self.wheels]

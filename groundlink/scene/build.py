@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from groundlink.core.errors import UserError, did_you_mean
-from groundlink.scenario.schema import Scenario
+from groundlink.scenario.schema import Scenario, World
 from groundlink.scenario.vehicle import EFFECTS, VehicleModel
 from groundlink.world import terrain
 from groundlink.world.actors import CrateForm, DoorForm, Form, PartsForm, PersonForm
@@ -37,6 +37,9 @@ SPAWN_CLEARANCE_M = 0.5
 """Clearance between clutter and a vehicle's chassis at its spawn place."""
 
 Path = tuple[str | int, ...]
+
+OF_PHYSICS = (*EFFECTS, "wading")
+"""Fields of a vehicle model that physics alone reads."""
 
 _CANONICAL = msgspec.msgpack.Encoder(order="deterministic")
 
@@ -75,6 +78,7 @@ def solids(scenario: Scenario) -> tuple[Solid, ...]:
         or there is no room for the clutter.
     """
     _check_materials(scenario)
+    _check_cover(scenario.world)
     world = scenario.world
     surfaces: list[SupportSurface] = []
     built: list[Solid] = build_room(world.room) if world.room else []
@@ -114,21 +118,25 @@ def world_hash(scenario: Scenario) -> str:
 
     Hashes the built solids, actors, terrain, materials, and each vehicle's model by name, as
     canonical MessagePack. Terrain and meshes count by the digests of their assets. Effects of
-    vehicles and the ground's roughness do not count: only physics reads them.
+    vehicles, how they wade and the ground's roughness do not count: only physics reads them.
     """
+    world = scenario.world
     content = (
         solids(scenario),
-        scenario.world.actors,
-        scenario.world.terrain,
-        scenario.world.materials,
+        world.actors,
+        world.terrain,
+        world.materials,
         {vehicle.name: _agreed(vehicle.model) for vehicle in scenario.vehicles},
+        *([world.water, world.grass] if world.water or world.grass else []),
     )
     return hashlib.sha256(_CANONICAL.encode(content)).hexdigest()
 
 
 def _agreed(model: VehicleModel) -> msgspec.Struct:
     """Return the part of a vehicle model that physics and sensors must agree on."""
-    return _reduced(model, without=EFFECTS, wheels=tuple(_reduced(wheel) for wheel in model.wheels))
+    return _reduced(
+        model, without=OF_PHYSICS, wheels=tuple(_reduced(wheel) for wheel in model.wheels)
+    )
 
 
 def _reduced(spec: msgspec.Struct, without: Sequence[str] = (), **other: object) -> msgspec.Struct:
@@ -152,6 +160,22 @@ def _check_materials(scenario: Scenario) -> None:
             raise UnknownMaterial(path, material, scenario.world.materials)
 
 
+def _check_cover(world: World) -> None:
+    """Refuse water and grass without terrain, and grass on ground that there is not."""
+    if world.terrain is None:
+        for field in ("water", "grass"):
+            if getattr(world, field):
+                raise WorldError(("world", field), "expected `terrain` in this world")
+        return
+    for i, area in enumerate(world.grass):
+        for j, name in enumerate(area.ground):
+            if name not in world.terrain.materials:
+                raise WorldError(
+                    ("world", "grass", i, "ground", j),
+                    f"no ground of `{name}`; {did_you_mean(name, world.terrain.materials)}",
+                )
+
+
 def material_uses(scenario: Scenario) -> Iterator[tuple[Path, str]]:
     """Yield every use of a material: its path in the scenario, and its name."""
     world = scenario.world
@@ -163,6 +187,9 @@ def material_uses(scenario: Scenario) -> Iterator[tuple[Path, str]]:
     if world.terrain:
         for i, material in enumerate(world.terrain.materials):
             yield ("world", "terrain", "materials", i), material
+    for field in ("water", "grass"):
+        for i, area in enumerate(getattr(world, field)):
+            yield ("world", field, i, "material"), area.material
     for i, furniture in enumerate(world.furniture):
         yield ("world", "furniture", i, "material"), furniture.material
     for i, thing in enumerate(world.outdoors):

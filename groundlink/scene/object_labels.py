@@ -80,7 +80,7 @@ class ObjectLabels:
     """Number of the object that a static solid belongs to, by the solid's name."""
 
     soils: tuple[int, ...]
-    """Classes of the terrain's materials."""
+    """Classes of the terrain's materials, and of its water and grass."""
 
 
 def object_labels(scenario: Scenario) -> ObjectLabels:
@@ -92,7 +92,7 @@ def object_labels(scenario: Scenario) -> ObjectLabels:
         when there are more classes than an image of 8 bits can hold.
     """
     world = scenario.world
-    soils = world.terrain.materials if world.terrain else ()
+    soils = world.ground_materials
     found = [*_movers(scenario), *_static(scenario)]
     kinds = [_tag(scenario, one.name) or one.kind for one in found]
     classes = _numbered({*kinds, *soils})

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats, matrix_from_quaternion
 
+from .cover import WaterArea
 from .mesh_asset import load_mesh
 from .solids import Box, Cylinder, Mesh, Shape, Solid, Sphere
 from .terrain import Ground
@@ -68,6 +69,21 @@ def of_ground(ground: Ground, *, first_label: int) -> Triangles:
         vertices.reshape(-1, 3),
         np.stack([a, b, c, d, c, b], axis=-1).reshape(-1, 3),
         np.repeat(ground.surface.reshape(-1).astype(np.int32) + first_label, 2),
+    )
+
+
+def of_water(area: WaterArea, ground: Ground, *, label: int) -> Triangles:
+    """Return the surface of water as far as there is terrain, seen from above."""
+    rows, columns = ground.heights.shape
+    first = np.array([ground.x0_m, ground.y0_m])
+    last = first + ground.cell_m * (np.array([columns, rows]) - 1)
+    (west, south), (east, north) = np.maximum(area.low_m, first), np.minimum(area.high_m, last)
+    corners = [(west, south), (east, south), (east, north), (west, north)]
+    is_there = west < east and south < north
+    return Triangles(
+        np.array([(*corner, area.level_m) for corner in corners], np.float32),
+        np.array([(0, 1, 2), (0, 2, 3)] if is_there else np.empty((0, 3)), np.uint32),
+        np.full(2 * is_there, label, np.int32),
     )
 
 

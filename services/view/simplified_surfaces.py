@@ -16,6 +16,7 @@ from groundlink.world.colors import linear
 from groundlink.world.mesh_asset import MeshPart, TriangleMesh
 from groundlink.world.solids import Material
 from groundlink.world.terrain import Ground, Terrain, load_ground
+from groundlink.world.triangles import of_water
 
 MOST_FACES = 50_000
 """Most faces of one mesh."""
@@ -74,7 +75,10 @@ def _sampled(part: MeshPart, uv: Floats) -> Floats:
 
 
 def terrain_faces(scenario: Scenario, terrain: Terrain) -> tuple[Floats, Floats]:
-    """Return corners of faces, shape (F, 3, 3), and their linear colors, shape (F, 3)."""
+    """Return corners of faces, shape (F, 3, 3), and their linear colors, shape (F, 3).
+
+    Standing water is part of it.
+    """
     here = load_ground(terrain)
     rows, columns = here.heights.shape
     starts = [vehicle.placement for vehicle in scenario.vehicles]
@@ -87,7 +91,12 @@ def terrain_faces(scenario: Scenario, terrain: Terrain) -> tuple[Floats, Floats]
     color = np.array([scenario.world.materials[name].color for name in here.materials])
     middle_row, middle_column = (row[:-1] + row[1:]) // 2, (column[:-1] + column[1:]) // 2
     of_cell = color[here.surface[np.ix_(middle_row, middle_column)]]
-    return faces.reshape(-1, 3, 3), of_cell.reshape(-1, 3).repeat(2, axis=0)
+    corners, colors = [faces.reshape(-1, 3, 3)], [of_cell.reshape(-1, 3).repeat(2, axis=0)]
+    for area in scenario.world.water:
+        sheet = of_water(area, here, label=0)
+        corners.append(sheet.vertices[sheet.faces].astype(np.float64))
+        colors.append(np.tile(scenario.world.materials[area.material].color, (len(sheet.faces), 1)))
+    return np.concatenate(corners), np.concatenate(colors)
 
 
 def _points(here: Ground, row: NDArray[np.intp], column: NDArray[np.intp]) -> Floats:

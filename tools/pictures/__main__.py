@@ -70,7 +70,7 @@ RECIPES = {
         needs="the right to create network namespaces",
     ),
     **{f"{name}.png": panels(name) for name in ("camera", "camera_effects", "camera_rural")},
-    **{f"{name}.png": panels(name) for name in ("depth", "terrain")},
+    **{f"{name}.png": panels(name) for name in ("depth", "meadow", "terrain")},
     "labels.png": Recipe((f"{PYTHON} -m tools.pictures.labels OUT",), colors=128),
     **{f"world_{name}.png": world(name) for name in ("lab", "rural", "track", "valley", "yard")},
     **{

@@ -305,11 +305,22 @@ def terrain() -> Image.Image:
     return sheet([("", color(tank)), ("", color(pond)), ("", near), ("", above)], 2)
 
 
+def meadow() -> Image.Image:
+    """Draw a rover between tall grass, its view in color and depth, and a pond."""
+    size: dict[str, Any] = {"scenario": "meadow", "size": (440, 330)}
+    behind = PanelView(xyz_m=(-3.0, 1.2, 1.3), rpy_deg=(0.0, 10.0, -12.0), **size)
+    pond = PanelView(xyz_m=(22.0, 4.0, 2.5), rpy_deg=(0.0, 12.0, -40.0), **size)
+    seen, depth_m, _ = _layers(PanelView(xyz_m=(0.44, 0.0, 0.3), **size))
+    panels = color(behind), seen, depth(depth_m, 0.5, 20.0), color(pond)
+    return sheet([("", panel) for panel in panels], 2)
+
+
 SHEETS: dict[str, Callable[[], Image.Image]] = {
     "camera": camera,
     "camera_effects": effects,
     "camera_rural": rural,
     "depth": depth_camera,
+    "meadow": meadow,
     "terrain": terrain,
 }
 """Sheets by the name of their file."""

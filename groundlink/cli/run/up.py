@@ -89,8 +89,8 @@ def add_parser(subparsers: Subparsers) -> None:
 def up(options: argparse.Namespace) -> int:
     """Run a scenario until Ctrl-C or `--duration`; return 0 if it went as it should.
 
-    Every declared rate was kept. No vehicle ended stuck, tipped over, falling or off the map, if it
-    has a route or the run a duration. Every expectation of the scenario passed.
+    Every declared rate was kept. No vehicle ended stuck, drowned, tipped over, falling or off the
+    map, if it has a route or the run a duration. Every expectation of the scenario passed.
     """
     is_recording = Path(options.scenario).suffix == ".mcap"
     if options.at is None and is_recording:

@@ -247,6 +247,8 @@ def _reported(energy: Energy, tracker: MissionTracker, seconds: float, vitals: V
     """Take the vitals."""
     energy.add(seconds, vitals)
     tracker.touched(seconds, (contact.name for contact in vitals.contacts))
+    if vitals.has_drowned:
+        tracker.drowned()
 
 
 def _decoded(message: RecordedMessage) -> Any:

@@ -115,6 +115,7 @@ class Simulation:
             if mapped
             else NoTerrain()
         )
+        self._water = scenario.world.water
         self._soils = soils_of(materials)
         self._ground = GroundTable(self._terrain, self._soils)
         self.ruts: PressedRuts | None = None
@@ -239,6 +240,7 @@ class Simulation:
             ground=self._terrain.ground,
             soils=self._soils,
             rough=self._rough,
+            water=self._water,
             epoch_nanos=self._epoch_nanos,
         )
         if (known := self._known.vehicles.get(described.name)) is not None:
@@ -391,6 +393,7 @@ class Simulation:
                 vehicle.contacts.report(self._bodies),
                 vehicle.running_gear.battery(),
                 vehicle.wheels_in_soil() or UNSET,
+                (vehicle.water and vehicle.water.report()) or UNSET,
             )
             for name, vehicle in self._vehicles.items()
         ]

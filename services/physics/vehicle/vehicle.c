@@ -185,7 +185,7 @@ static void slow_down(const struct vehicle *vehicle, const double velocity[3], c
     }
 }
 
-/* Compute the forces of motors, tires and air on the bases. */
+/* Compute the forces of motors, tires, air and water on the bases. */
 void groundlink_vehicles_roll(struct vehicle **vehicles, size_t count)
 {
     for (size_t i = 0; i < count; i++) {
@@ -198,6 +198,8 @@ void groundlink_vehicles_roll(struct vehicle **vehicles, size_t count)
                                    body->force, body->torque);
         body->force[2] += vehicle->shake;
         slow_down(vehicle, velocity, turn);
+        if (vehicle->wading)
+            groundlink_wade(vehicle, velocity, turn);
     }
 }
 

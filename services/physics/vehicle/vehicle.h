@@ -8,6 +8,7 @@
 
 #include "../running_gear/running_gear.h"
 #include "../soil/ruts.h"
+#include "water.h"
 
 struct link {
     double position[3], orientation[4];
@@ -24,6 +25,7 @@ struct vehicle {
     double origin[3], velocity[3];              /* of the base's origin, in the world */
     const struct link *links; /* that servos move */
     size_t link_count;
+    struct wading *wading; /* NULL: the world is dry */
     char *link_poses, *base_velocity, *joint_positions, *joint_velocities; /* of the state */
     char *servo_positions, *servo_velocities;
 };
@@ -37,5 +39,8 @@ struct ground {
     double x0, y0, cell;
     const double *material_friction, *material_roughness, *material_soil;
 };
+
+/* Add the forces of standing water to those on the base; `velocity` is that of its origin. */
+void groundlink_wade(struct vehicle *vehicle, const double velocity[3], const double turn[3]);
 
 #endif

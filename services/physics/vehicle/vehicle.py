@@ -19,6 +19,7 @@ from groundlink.messages.navigation import JointState
 from groundlink.scenario.schema import Vehicle
 from groundlink.scenario.vehicle import Bumper, Payload, VehicleModel
 from groundlink.scene.spawn_pose import spawn_pose
+from groundlink.world.cover import WaterArea
 from groundlink.world.mesh_asset import load_mesh
 from groundlink.world.roughness import RoughGround
 from groundlink.world.solids import Mesh, Soil, Solid
@@ -47,6 +48,7 @@ from .memory import VehicleMemory
 from .ride import EngineShake, Ride
 from .servos import Servos
 from .urdf import convex_hull, hull_file, suspension_joint, urdf
+from .water import VehicleInWater
 
 BOX_POINTS = 4
 """Points at which a side of a box touches a wall; how many touch is known after the first tick."""
@@ -90,6 +92,8 @@ class SimulatedVehicle(Structure):
         of the world's ground; empty: all of it is firm.
     rough
         heights of rough ground; None: all is smooth.
+    water
+        all water of the world.
     epoch_nanos
         stamp of sim time zero.
     """
@@ -108,6 +112,7 @@ class SimulatedVehicle(Structure):
         ("_velocity", _VECTOR),
         ("_links", POINTER(LinkOfJoint)),
         ("_link_count", c_size_t),
+        ("_wading", POINTER(VehicleInWater)),
         ("_link_poses", c_void_p),
         ("_base_velocity", c_void_p),
         ("_joint_positions", c_void_p),
@@ -126,6 +131,7 @@ class SimulatedVehicle(Structure):
         ground: Ground | None = None,
         soils: Sequence[Soil] = (),
         rough: RoughGround | None = None,
+        water: Sequence[WaterArea] = (),
         epoch_nanos: int = 0,
     ) -> None:
         self._backend = backend
@@ -173,11 +179,13 @@ class SimulatedVehicle(Structure):
         )
         self._kept_links = (LinkOfJoint * len(model.joints))()
         drag = body_drag(model, payload)
+        self.water = VehicleInWater(vehicle.model, water) if water else None
         super().__init__(
             *(pointer(body), pointer(self.running_gear), _VECTOR(*model.chassis.center_m)),
             *(drag.drag_nspm2, drag.linear_nspm, _VECTOR(*drag.angular_nmsprad)),
             _links=self._kept_links,
             _link_count=len(model.joints),
+            _wading=self.water and pointer(self.water),
         )
         self._asked: WheelTargets | None = None
         self._state = self.blank_state()
@@ -306,7 +314,8 @@ class SimulatedVehicle(Structure):
         lifts = self.ride.lifts if self.ride else []
         shake = [self._engine_shake] if self._engine_shake else []
         steering, gear = self.drive.steering, self.running_gear.parts()
-        return [self.running_gear.work, steering, *gear, *lifts, *shake]
+        water = [self.water] if self.water else []
+        return [self.running_gear.work, steering, *gear, *lifts, *shake, *water]
 
     def place(self, pose: Pose | None, twist: Twist | None) -> None:
         """Set pose or velocity of the base's origin; None: unchanged.

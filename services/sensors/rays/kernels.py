@@ -30,6 +30,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {
     ),
     "groundlink_normals": (None, *[c_void_p] * 3, c_size_t, c_void_p),
     "groundlink_returns": (None, *[c_void_p] * 3, c_size_t, c_size_t, *[c_void_p] * 6),
+    "groundlink_cover": (None, c_void_p, c_void_p),
     "groundlink_crc64": (None, c_void_p, c_size_t, c_size_t),
     "groundlink_grain": (None, c_size_t, *[c_void_p] * 4),
     "groundlink_points": (None, *[c_size_t] * 6, *[c_void_p] * 11),

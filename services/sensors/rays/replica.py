@@ -2,7 +2,8 @@
 """World replica of a ray sensor, as a scene to cast rays into.
 
 Every solid and every material of the terrain has a label in the scene and a reflectivity: first
-static solids, then the terrain, then the links, each of which is a body of the scene.
+static solids, then the terrain with its water and grass, then the links, each of which is a body of
+the scene. Grass is no part of the scene: `services.sensors.cover` has it.
 """
 
 import numpy as np
@@ -12,7 +13,7 @@ from groundlink.scenario.every_sensor import Mount
 from groundlink.scenario.schema import Scenario, Vehicle
 from groundlink.scene.bodies import NO_BODY
 from groundlink.world.terrain import load_ground
-from groundlink.world.triangles import joined, merged, of_ground
+from groundlink.world.triangles import joined, merged, of_ground, of_water
 from services.sensors.runtime.world_replica import WorldReplica
 
 from .scene import Numbers, Scene
@@ -40,7 +41,7 @@ class Replica(WorldReplica):
     def __init__(self, scenario: Scenario, vehicle: Vehicle, mount: Mount) -> None:
         super().__init__(scenario, vehicle, mount)
         terrain, materials = scenario.world.terrain, scenario.world.materials
-        soils = terrain.materials if terrain else ()
+        soils = scenario.world.ground_materials
         of_links = [solid.material for link in self.links for solid in link]
         self.materials = [*(solid.material for solid in self.static), *soils, *of_links]
         self.reflectivity: NDArray[np.float32] = np.array(
@@ -59,6 +60,9 @@ class Replica(WorldReplica):
                 still = joined(still, of_ground(land, first_label=first))
             else:
                 relief = Relief(land, first_label=first, ruts=self.ruts)
+            first += len(land.materials)
+            waters = enumerate(scenario.world.water, first)
+            still = joined(still, *(of_water(area, land, label=label) for label, area in waters))
         self._relief = relief
         self.scene = Scene(still, bodies, terrain=relief)
 

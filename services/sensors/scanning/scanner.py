@@ -20,6 +20,7 @@ from groundlink.messages.base import BadBusMessage, State
 from groundlink.messages.reading_schedule import Blocks
 from groundlink.scenario.rotating_lidar import RotatingLidar
 from groundlink.scenario.schema import Scenario, Vehicle
+from services.sensors.cover.ground_cover import ground_cover
 from services.sensors.noise.random_streams import RandomStreams
 from services.sensors.rays.replica import Replica
 from services.sensors.rays.scene import Reals
@@ -175,9 +176,11 @@ class Scanner:
         streams = RandomStreams(spec.noise_seed(scenario.seed), f"{vehicle.name}/{spec.name}")
         draws = RevolutionDraws(streams)
         self._beams = Beams(spec, self.sweep, draws)
+        self._cover, self._draws = ground_cover(scenario, self.replica), draws
+        reflectance = self._cover.reflectance if self._cover else self.replica.reflectivity
         air = atmosphere_of(spec, scenario.world.weather)
         self.receiver = LidarReceiver(
-            *(spec, self.sweep, self.replica.reflectivity, air, stray),
+            *(spec, self.sweep, reflectance, air, stray),
             *(foreign_light(scenario, spec), streams, draws),
         )
         self._waiting = 0
@@ -262,5 +265,14 @@ class Scanner:
         self.replica.scene.move(poses)
         rays = self._beams.rays(firings, tick)
         hits = self.replica.scene.cast(*rays, self._max_range_m)
+        if self._cover:
+            draws = self._leaves(tick, firings, rays.times.shape) if self._cover.has_grass else None
+            self._cover.meet(hits, rays, draws, poses, self._max_range_m)
         returns = self.receiver.measure(hits, rays, firings, tick)
         return Cast(returns, rays, hits, poses, first_tick)
+
+    def _leaves(self, tick: int, firings: range, shape: tuple[int, ...]) -> Reals:
+        """Return two random numbers of each ray of some firings for the grass that it meets."""
+        whole = (2, shape[0], self.sweep.seconds.shape[1], *shape[2:])
+        drawn = self._draws.of("grass", tick, lambda source: source.random(whole, np.float32))
+        return drawn[:, :, firings.start : firings.stop]

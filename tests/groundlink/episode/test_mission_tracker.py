@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from groundlink.core.frames import quaternion_from_rpy
 from groundlink.episode.mission import (
     DRIVING,
+    DROWNED,
     FALLING,
     LEFT,
     STANDING,
@@ -96,6 +97,21 @@ def test_a_rover_that_stands_still_for_17_of_20_seconds_is_stuck(rover: Vehicle)
     assert failure.startswith("rover: stuck at x 1.")
     assert "Fix: check torque" in failure
     assert it.problems() == [failure, "rover drove 1.5 of 10.0 m commanded"]
+
+
+def test_a_vehicle_whose_motors_drown_ends_there(rover: Vehicle) -> None:
+    tracker = MissionTracker(rover, BOX)
+    for i in range(60):
+        tracker.commanded(i / 10, 0.5, 0.0)
+        if i == 20:
+            tracker.drowned()
+        tracker.moved(i / 10, (0.05 * min(i, 20), 0.0, 0.17), (0.0, 0.0, 0.0, 1.0))
+    it = tracker.mission()
+    assert it.state == DROWNED
+    failure = it.failure()
+    assert failure
+    assert failure.startswith("rover: drowned at x 1.00, y 0.00 m since 2.0 s")
+    assert "wading.depth_m" in failure
 
 
 def test_nobody_commands_nobody_is_stuck(rover: Vehicle) -> None:

@@ -119,6 +119,7 @@ EXAMPLES: list[BusMessage] = [
     Vitals(
         *(21, "rover", 40, 12.5, 0.25, (Contact("table_3_leg_1", 337.5, 39, 7),), CHARGE),
         (ground_truth.WheelInSoil("front_left_wheel", 0.2, 0.035),),
+        ground_truth.InWater(0.45, True),
     ),
     Faults(22, "rover/imu", 40, (Stuck(at_s=0.1), Bias(value=(0.0, 0.5, 0.0), for_s=2.0))),
     MissingReadings(
@@ -278,6 +279,7 @@ HAVE_DEFAULTS = {("Health", "streams"), ("Health", "host")} | {
     ("Ack", "commands"),
     ("Vitals", "battery"),
     ("Vitals", "soil"),
+    ("Vitals", "water"),
     ("WheelCommand", "angles_rad"),
     ("State", "actors"),
     ("State", "ruts"),

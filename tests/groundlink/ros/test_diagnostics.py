@@ -8,7 +8,7 @@ import pytest
 
 from groundlink.episode.fault_messages import Faults, counted, kinds_in
 from groundlink.messages.base import BusMessage
-from groundlink.messages.ground_truth import BatteryState, Contact, Vitals, WheelInSoil
+from groundlink.messages.ground_truth import BatteryState, Contact, InWater, Vitals, WheelInSoil
 from groundlink.messages.missing_readings import (
     Cause,
     MissingReadings,
@@ -28,6 +28,9 @@ from groundlink.ros.types import STORE
 from groundlink.scenario.faults import Bias, Stuck
 
 CALM = Vitals(2_500_000_000, "rover", 1000, 35.114, 4.25, ())
+DROWNED = Vitals(
+    *(2_500_000_000, "rover", 1000, 35.114, 4.25, ()), water=InWater(depth_m=0.4375, drowned=True)
+)
 HIT = Vitals(
     *(2_600_000_000, "rover", 1040, 36.5, 4.25),
     (Contact("table_3_leg_1", 9681.88, 1036, 4), Contact("wall_east_whole", 0.5, 1020, 1)),
@@ -58,6 +61,7 @@ def array_of(message: BusMessage) -> Any:
     ("message", "name", "level", "told"),
     [
         (CALM, "rover: vitals", 0, "touches nothing"),
+        (DROWNED, "rover: vitals", 2, "motors have drowned, touches nothing"),
         (HIT, "rover: vitals", 1, "touches table_3_leg_1, wall_east_whole"),
         (NONE, "rover/imu: faults", 0, "none"),
         (TWO, "rover/imu: faults", 2, "stuck, bias"),

@@ -9,6 +9,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 import pytest
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from groundlink.core.frames import quaternion_from_rpy
@@ -18,8 +19,10 @@ from groundlink.scenario.schema import Placement
 from groundlink.scene.build import STRIP_M, UnknownMaterial, WorldError, _strips, solids, world_hash
 from groundlink.scene.spawn_checks import check_spawns
 from groundlink.world.bounds import bounds, intersect, overlap
+from groundlink.world.cover import GrassArea, WaterArea
 from groundlink.world.objects.indoor_specs import Clutter, Door, Room, Shelf, Table
 from groundlink.world.solids import Box, Cylinder, Material, Shape, Solid, Sphere
+from groundlink.world.terrain import Terrain
 
 
 @pytest.fixture(scope="module")
@@ -89,8 +92,38 @@ def test_the_hash_ignores_what_only_physics_reads(lab: Scenario) -> None:
         replace(lab, vehicles=(replace(rover, effects=("vibration",)),)),
         replace(lab, vehicles=(still,)),
         replace(lab, world=replace(world, roughness="E")),
+        replace(lab, vehicles=(replace(rover, model=replace(rover.model, wading=UNSET)),)),
     ):
         assert world_hash(other) == world_hash(lab)
+
+
+def test_the_hash_has_cover_that_needs_terrain_and_ground_to_grow_on(lab: Scenario) -> None:
+    ground = "wood"
+    flat = Terrain(
+        heights="0" * 64,
+        cell_m=1.0,
+        at_m=(0.0, 0.0, 0.0),
+        low_m=(-50.0, -50.0, -1.0),
+        high_m=(50.0, 50.0, 0.0),
+        materials=(ground,),
+    )
+    yard = replace(lab, world=replace(lab.world, terrain=flat))
+    pond = WaterArea(level_m=0.5, low_m=(0.0, 0.0), high_m=(9.0, 9.0), material=ground)
+    meadow = GrassArea(ground=(ground,), height_m=(0.2, 0.4), material=ground)
+    worlds = [
+        yard.world,
+        replace(yard.world, water=(pond,)),
+        replace(yard.world, water=(replace(pond, level_m=0.6),)),
+        replace(yard.world, grass=(meadow,)),
+    ]
+    assert len({world_hash(replace(yard, world=world)) for world in worlds}) == 4
+    with pytest.raises(WorldError, match=r"`world.water`: expected `terrain`"):
+        solids(replace(lab, world=replace(lab.world, water=(pond,))))
+    elsewhere = replace(meadow, ground=("grazz",))
+    with pytest.raises(WorldError, match=r"`world.grass\[0\].ground\[0\]`: no ground of `grazz`"):
+        solids(replace(yard, world=replace(yard.world, grass=(elsewhere,))))
+    with pytest.raises(UnknownMaterial, match=r"`world.water\[0\].material`"):
+        solids(replace(yard, world=replace(yard.world, water=(replace(pond, material="ink"),))))
 
 
 def test_the_hash_ignores_the_order_of_materials(lab: Scenario) -> None:

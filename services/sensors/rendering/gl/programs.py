@@ -37,9 +37,13 @@ class Pass(NamedTuple):
     ruts: moderngl.Program | None
     """For the ruts of soft terrain."""
 
+    grass: moderngl.Program | None
+    """For tall grass, if there is any."""
+
     def lit(self) -> list[moderngl.Program]:
         """Return the programs that draw surfaces."""
-        return [self.surface, self.bumped, *(one for one in (self.ground, self.ruts) if one)]
+        of_terrain = (one for one in (self.ground, self.ruts, self.grass) if one)
+        return [self.surface, self.bumped, *of_terrain]
 
 
 class Programs(NamedTuple):
@@ -58,6 +62,7 @@ def programs(
     ground: int = 0,
     soils: bool = False,
     ruts: bool = False,
+    grass: bool = False,
 ) -> Programs:
     """Return the programs with their constant uniforms set.
 
@@ -73,6 +78,8 @@ def programs(
         Whether each of these materials has a label of its own.
     ruts
         Whether the terrain is soft.
+    grass
+        Whether tall grass grows on it.
     """
     lights, has_window = len(light.lights), light.window_m is not None
     defines = {
@@ -103,6 +110,7 @@ def programs(
             ruts=made("ruts", "surface", TRUTH=truth, GROUND=ground, SOILS=soils, PRESSED=True)
             if ruts
             else None,
+            grass=made("grass", "surface", TRUTH=truth) if grass else None,
         )
         for truth in truths
     )

@@ -24,9 +24,11 @@ from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.look.labels import Labels
 from services.sensors.rendering.look.lights import lighting
 from services.sensors.rendering.look.mesh import Skin, SkinnedMesh
+from services.sensors.rendering.look.water import surface
 
 from .context import filtered, open_context
 from .culling import from_near_to_far, seen
+from .grass import DrawnGrass, PressedArea, pressed_by
 from .ground import DrawnGround
 from .programs import BASE, SHADOWS, programs, put, put_matrix
 from .shadows import ShadowMaps
@@ -108,6 +110,7 @@ class Renderer:
             ground=kinds,
             soils=has_soils,
             ruts=is_soft,
+            grass=bool(world.grass),
         )
         self._skies = [context.vertex_array(one.sky, []) for one in self._programs.passes]
         self.labels = Labels(
@@ -116,15 +119,25 @@ class Renderer:
         )
         self._stage = Stage(context, self._programs, around, world.materials, self.labels)
         self._ground: DrawnGround | None = None
+        self._grass: DrawnGrass | None = None
+        actors = {actor.name for actor in world.actors}
+        self._vehicles = [mover not in actors for mover in dict.fromkeys(around.movers)]
         if terrain:
             number = (
-                self.labels.of_soils(BODY, terrain.materials)
+                self.labels.of_soils(BODY, world.ground_materials)
                 if has_soils
                 else self.labels.of_solids([BODY])[0]
             )
             self._ground = DrawnGround(
                 *(context, self._programs.passes, terrain, world.materials, light, number)
             )
+            covers = [number + has_soils * i for i in range(kinds, len(world.ground_materials))]
+            for area, label in zip(world.water, covers, strict=False):
+                self._stage.add(surface(area, terrain, world.materials[area.material], label))
+            if world.grass:
+                of_grass = [one.grass for one in self._programs.passes if one.grass]
+                grown = world.grass, world.materials, covers[len(world.water) :]
+                self._grass = DrawnGrass(context, of_grass, terrain, *grown)
         self._around, self._materials = around, world.materials
         self._silhouettes: Silhouettes | None = None
         self._shadows = ShadowMaps(context, self._stage, self._programs.shadow, light)
@@ -220,6 +233,8 @@ class Renderer:
         boxes = self._stage.boxes
         shown = from_near_to_far(boxes, seen(boxes, clip_from_world), eye)
         parts = [*self._stage.moving, *(self._stage.standing[number] for number in shown)]
+        if self._grass:
+            self._grass.aim(clip_from_world, eye, self._pressed())
         self._shadows.texture.use(SHADOWS)
         for number, target in enumerate(self._targets):
             target.begin()
@@ -235,6 +250,10 @@ class Renderer:
                 focal_px = max(self._pinhole.fx, self._pinhole.fy)
                 self._ground.draw(number, clip_from_world, eye, focal_px)
             self._context.disable(moderngl.CULL_FACE)
+            if self._grass:
+                if not target.truth:
+                    self._put_on(self._grass.skin)
+                self._grass.draw(number)
             self._context.depth_func = "<="  # the sky has the depth of an empty buffer
             target.end(self._skies[number])
         frame = self._nothing
@@ -244,6 +263,14 @@ class Renderer:
             depth_m, labels = self._truth.read()
             frame = replace(frame, depth_m=depth_m, labels=labels)
         return _Drawn(frame, clip_from_world)
+
+    def _pressed(self) -> list[PressedArea]:
+        """Return the areas of the vehicles, which bend the grass under them."""
+        return [
+            pressed_by(outline)
+            for outline, is_vehicle in zip(self._stage.movers, self._vehicles, strict=True)
+            if is_vehicle and len(outline.poses)
+        ]
 
     def _put_on(self, skin: Skin) -> None:
         if skin not in self._textures:
