@@ -14,6 +14,8 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
+from groundlink.core.frames import Floats
+
 FINEST_M = 0.05
 """Vertices are at most this far from each other, so that a narrow tire covers two in a row."""
 
@@ -121,6 +123,23 @@ class RutGrid(Structure):
     def deepest_m(self) -> float:
         """The largest depth."""
         return float(self.depths[: self.count].max(initial=0)) * STEP_M
+
+    def are_pressed(self, x_m: Floats, y_m: Floats) -> NDArray[np.bool_]:
+        """Return whether the vertices nearest to points of the world are pressed, shape (N,)."""
+        column = np.floor((x_m - self._x0_m) / self.cell_m + 0.5).astype(np.int64)
+        row = np.floor((y_m - self._y0_m) / self.cell_m + 0.5).astype(np.int64)
+        keys = row // SIDE * self.tile_columns + column // SIDE
+        order = np.argsort(self.keys[: self.count], kind="stable")
+        known = self.keys[order]
+        pressed = np.zeros(len(keys), np.bool_)
+        if not self.count:
+            return pressed
+        place = np.minimum(np.searchsorted(known, keys), self.count - 1)
+        inside = (row >= 0) & (row < self.rows) & (column >= 0) & (column < self.columns)
+        found = np.flatnonzero(inside & (known[place] == keys))
+        depths = self.depths[order[place[found]], row[found] % SIDE, column[found] % SIDE]
+        pressed[found] = depths > 0
+        return pressed
 
     def tile(self, number: int) -> bytes:
         """Return a tile as a `TILE` record."""

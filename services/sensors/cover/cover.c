@@ -13,6 +13,7 @@
 enum { BLOCK = 16 }; /* cells of a block's side */
 #define STEP_M 0.1f
 #define TUFT_M 0.25f
+#define BENT_M 0.02f /* height of grass in a rut */
 #define LEAST_GLINT 1e-3f
 #define FRESNEL 0.02f
 
@@ -48,10 +49,19 @@ static INLINED float tuft(float x, float y)
     return (float)(hash >> 8) * 0x1p-24f;
 }
 
+/* Whether a wheel has pressed the ground at a place. */
+static INLINED int is_rut(const struct rut_grid *ruts, float x, float y)
+{
+    const int64_t row = (int64_t)floor((y - ruts->y0) / ruts->cell + 0.5);
+    return rut_depth(ruts, row, (int64_t)floor((x - ruts->x0) / ruts->cell + 0.5)) > 0;
+}
+
 /* Height that vehicles leave to grass at a place. */
 static INLINED float left_standing(const struct cover *cover, const float *places, float x, float y,
                            float height)
 {
+    if (cover->ruts && cover->ruts->count && is_rut(cover->ruts, x, y))
+        return fminf(height, BENT_M);
     for (size_t i = 0; i < cover->pressed_count; i++) {
         const struct pressed *pressed = &cover->pressed[i];
         const float *at = places + 4 * i, dx = x - at[0], dy = y - at[1];

@@ -4,8 +4,7 @@
 #ifndef GROUNDLINK_COVER_H
 #define GROUNDLINK_COVER_H
 
-#include <stddef.h>
-#include <stdint.h>
+#include "../../../groundlink/world/ruts.h"
 
 struct grass {
     float lowest, span; /* heights of tufts */
@@ -35,6 +34,7 @@ struct cover {
     const struct pressed *pressed;
     size_t pressed_count;
     int32_t first_water, waters;
+    const struct rut_grid *ruts; /* or NULL */
     const float *slopes; /* of each area of water: mean square slope of its waves */
 };
 

@@ -21,9 +21,9 @@ distance of its first leaf by a random number of its own. Leaves are met in prop
 across the ray, so the square of the cosine of the incidence is uniform. With several rays a beam, a
 part of it may meet leaves and another one what is behind: both are echoes. The layer is as high as
 its tufts, which stand in squares of 0.25 m; the random height of a tuft depends on its place alone,
-so all sensors see the same. Under a vehicle grass is bent down to the clearance of the chassis, and
-stands up again behind it. Wind moves no leaf: random numbers of each revolution are new as if all
-moved.
+so all sensors see the same. Under a vehicle grass is bent down to the clearance of the chassis.
+Behind it grass stands up again, but for that in ruts of soft ground, which lies. Wind moves no
+leaf: random numbers of each revolution are new as if all moved.
 """
 
 import ctypes
@@ -67,7 +67,7 @@ class _Cover(ctypes.Structure):
         *((name, c_int32) for name in ("rows", "columns", "block_columns")),
         *(("grass", c_void_p), ("pressed", c_void_p), ("pressed_count", c_size_t)),
         *((name, c_int32) for name in ("first_water", "waters")),
-        ("slopes", c_void_p),
+        *((name, c_void_p) for name in ("ruts", "slopes")),
     )
 
 
@@ -116,14 +116,15 @@ class GroundCover:
         self._pressing = [replica.movers.index(vehicle.name) for vehicle in scenario.vehicles]
         pressed = np.array([_footprint(v.model) for v in scenario.vehicles], np.float32)
         slopes = np.array([mean_square_slope(area) for area in world.water], np.float32)
-        self._kept = ground, kinds, blocks, grass, pressed, slopes
+        self._kept = replica.ruts, ground, kinds, blocks, grass, pressed, slopes
         self._structure = _Cover(
             *(array.ctypes.data for array in (ground.heights, kinds, blocks)),
             *(ground.x0_m, ground.y0_m, ground.cell_m),
             *(*kinds.shape, blocks.shape[1]),
             ctypes.addressof(grass) if world.grass else None,
             *(pressed.ctypes.data, len(pressed)),
-            *(first, len(world.water), slopes.ctypes.data),
+            *(first, len(world.water)),
+            *(replica.ruts and ctypes.addressof(replica.ruts), slopes.ctypes.data),
         )
 
     def meet(

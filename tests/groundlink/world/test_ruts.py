@@ -71,3 +71,14 @@ def test_a_digest_does_not_depend_on_the_way_to_the_ruts() -> None:
     assert changed == digest_of([deeper, one])
     assert len({both, changed, digest_of([one]), NO_RUTS}) == 4
     assert digest_of([one, two], both) == NO_RUTS
+
+
+def test_points_are_pressed_where_their_nearest_vertex_is() -> None:
+    made = grid()
+    assert not made.are_pressed(np.array([0.5]), np.array([0.5])).any()
+    rut = tiles(1, 2 * made.tile_columns, depth=0)
+    rut["depths"][0, 3, 4] = 9  # at x 0.05 (16 + 4), y 0.05 (3)
+    made.put(rut)
+    x = np.array([1.0, 1.02, 1.03, 0.0, -5.0, 99.0])
+    y = np.array([0.15, 0.13, 0.15, 1.6, 0.15, 0.15])
+    assert made.are_pressed(x, y).tolist() == [True, True, False, False, False, False]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from groundlink.core.frames import Floats, matrix_from_quaternion
 from groundlink.world.cover import TUFT_M, GrassArea, grass_of_cells, tuft_draws
+from groundlink.world.ruts import RutGrid
 from groundlink.world.solids import Material
 from groundlink.world.terrain import Ground
 from services.sensors.rendering.look.mesh import Skin
@@ -72,6 +73,16 @@ class PressedArea(NamedTuple):
         inside = ((at > self.low) & (at < self.high)).all(axis=1)
         left = np.maximum(self.under_m - root[inside, 2], BENT_M)
         root[inside, 3] = np.minimum(root[inside, 3], left)
+
+
+def lay(tufts: NDArray[np.void], ruts: RutGrid) -> None:
+    """Let those tufts lie in whose squares a wheel has pressed the ground."""
+    lies = np.zeros(len(tufts), np.bool_)
+    for east in (-1, 0, 1):
+        for north in (-1, 0, 1):
+            x, y = (tufts["root"][:, :2] + TUFT_M / 3 * np.array([east, north])).T
+            lies |= ruts.are_pressed(x, y)
+    tufts["root"][lies, 3] = BENT_M
 
 
 def pressed_by(outline: Outline) -> PressedArea:
@@ -135,7 +146,12 @@ class DrawnGrass:
             ]
             self._groups.append((blades, buffer, arrays))
         self._counts = [0, 0]
+        self._ruts: RutGrid | None = None
         self.skin = Skin(texture("plain"))
+
+    def press(self, ruts: RutGrid) -> None:
+        """Let grass lie in these ruts from now on."""
+        self._ruts = ruts
 
     def aim(self, clip_from_world: Floats, eye: Floats, pressed: Sequence[PressedArea]) -> None:
         """Choose the tufts of a view, for all passes."""
@@ -144,6 +160,8 @@ class DrawnGrass:
         for tufts, (_, buffer, _) in zip(groups, self._groups, strict=True):
             for area in pressed:
                 area.bend(tufts)
+            if self._ruts is not None and self._ruts.count:
+                lay(tufts, self._ruts)
             if tufts.nbytes > buffer.size:
                 buffer.orphan(2 * tufts.nbytes)
             buffer.write(tufts.tobytes())

@@ -175,6 +175,8 @@ class Renderer:
         """Let the terrain have other ruts from now on."""
         assert self._ground
         self._ground.press(ruts)
+        if self._grass:
+            self._grass.press(ruts)
         self._held.clear()
 
     def draw(self, world_from_optical: Floats) -> Frame:

@@ -4,15 +4,18 @@
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from groundlink.loader.material_library import soil_library
 from groundlink.scenario import Scenario
 from groundlink.scenario.schema import Placement
 from groundlink.scene.bodies import body_names
 from groundlink.world.cover import GrassArea, WaterArea
-from groundlink.world.solids import Material
+from groundlink.world.ruts import TILE
+from groundlink.world.solids import Material, Soil
 from services.sensors.cover.ground_cover import mean_square_slope
 from services.sensors.scanning.returns import Returns
 from tests.services.physics.terrains import terrain
@@ -145,6 +148,25 @@ def test_a_vehicle_bends_grass_to_its_clearance() -> None:
     # Its chassis is 0.25 m above the ground, to which a ray comes down in 4.3 m.
     assert range_m.min() > 0.75 / np.cos(np.radians(80.0)) - 0.1
     assert seen(measured(made))[1].min() < 0.5
+
+
+def test_grass_lies_in_ruts() -> None:
+    made = field(grass=(MEADOW,), **down(60.0))
+    soft = replace(made.world.materials["soil"], soil=msgspec.convert(soil_library()["snow"], Soil))
+    world = replace(made.world, materials=made.world.materials | {"soil": soft})
+    sensor = scanner(replace(made, world=world))
+    ruts = sensor.replica.ruts
+    assert ruts is not None
+    for state in rooms.states(made, lambda _: ((0.0, 0.0, -HEIGHT_M), (0.0, 0.0, 0.0)), 2):
+        sensor.replica.take(state)
+    everywhere = range(sensor.sweep.seconds.shape[1])
+    standing = sensor.measure(0, everywhere).returns.true_range_m
+    tiles = np.zeros(ruts.tile_columns**2, TILE)
+    tiles["key"], tiles["depths"] = np.arange(len(tiles)), 1
+    ruts.put(tiles)
+    lying = sensor.measure(0, everywhere).returns.true_range_m
+    assert (standing < 1.9).any()
+    assert lying.min() > 1.9
 
 
 def test_cover_belongs_to_the_terrain_and_has_materials_of_its_own() -> None:

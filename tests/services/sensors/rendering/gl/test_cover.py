@@ -3,14 +3,18 @@
 
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from groundlink.loader.material_library import soil_library
 from groundlink.scenario.schema import Scenario
 from groundlink.world.cover import GrassArea, WaterArea, tuft_draws
-from groundlink.world.solids import Material
+from groundlink.world.ruts import TILE, RutGrid
+from groundlink.world.solids import Material, Soil
+from groundlink.world.terrain import load_ground
 from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
 from services.sensors.rendering.gl.target import ALL_LAYERS, Frame
@@ -121,3 +125,27 @@ def test_tufts_have_heights_by_place_as_rays_meet_them() -> None:
     assert draws.max() < 1.0
     assert draws.mean() == pytest.approx(0.5, abs=0.02)
     assert np.std(draws) == pytest.approx(np.sqrt(1 / 12), abs=0.01)
+
+
+def test_grass_lies_in_ruts() -> None:
+    made = level(grass=(MEADOW,))
+    soft = replace(
+        made.world.materials["grass"], soil=msgspec.convert(soil_library()["snow"], Soil)
+    )
+    world = replace(made.world, materials=made.world.materials | {"grass": soft})
+    assert world.terrain
+    ruts = RutGrid(*load_ground(world.terrain).grid)
+    # North of the middle, which is left in the picture.
+    rows = np.arange(ruts.tile_columns // 2 + 1, ruts.tile_columns // 2 + 5)
+    columns = np.arange(ruts.tile_columns // 2 - 3, ruts.tile_columns // 2 + 4)
+    tiles = np.zeros(len(rows) * len(columns), TILE)
+    tiles["key"] = (rows[:, None] * ruts.tile_columns + columns).ravel()
+    tiles["depths"] = 1
+    ruts.put(tiles)
+    drawing = renderer(replace(made, world=world))
+    drawing.draw(DOWN)
+    drawing.press(ruts)
+    height = 4.0 - drawing.draw(DOWN).depth_m
+    drawing.close()
+    assert height[:, :30].max() < 0.5 < height[:, 100:].max()
+    assert np.median(height[:, :30].max(axis=1)) < 0.1
