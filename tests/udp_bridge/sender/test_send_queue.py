@@ -6,11 +6,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from udp_bridge import BadMessage, Header, Message, TooLarge, parse
+from udp_bridge.sender.direct_senders import DirectSenders
 from udp_bridge.sender.flow_control import BATCH_BYTES
 from udp_bridge.sender.repair import Fec, Mode, RepairTable, Resend
 from udp_bridge.sender.send_queue import (
     MAX_TEMPLATES,
-    DirectSenders,
     OutgoingDatagram,
     SendQueue,
     take_in_turn,

@@ -15,9 +15,10 @@ from udp_bridge.receiver.delivery_log import Counters
 from udp_bridge.receiver.inbox import Inbox
 from udp_bridge.receiver.limits import Limits
 from udp_bridge.sender.delivery_counts import DeliveryCounts
+from udp_bridge.sender.direct_senders import DirectSenders
 from udp_bridge.sender.flow_control import BATCH_BYTES, REQUEST_NANOS
 from udp_bridge.sender.repair import Mode, RepairTable, check_table
-from udp_bridge.sender.send_queue import DirectSenders, OutgoingDatagram, SendQueue, take_in_turn
+from udp_bridge.sender.send_queue import OutgoingDatagram, SendQueue, take_in_turn
 from udp_bridge.sender.waiting import QueueLimits
 from udp_bridge.wire.address_validation import AddressChallenge, AddressResponse
 from udp_bridge.wire.control import TopicReport

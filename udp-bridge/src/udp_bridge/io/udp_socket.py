@@ -22,7 +22,8 @@ from udp_bridge.receiver.small_topics import (
     SmallTopics,
     WholeMessage,
 )
-from udp_bridge.sender.send_queue import OutgoingBatch, SendLarge, SendSmall
+from udp_bridge.sender.direct_senders import SendLarge, SendSmall
+from udp_bridge.sender.send_queue import OutgoingBatch
 from udp_bridge.wire.fragments import datagram_of, flat
 from udp_bridge.wire.header import PART_NUMBER_OFFSET, Buffer, is_stamp, restamped
 from udp_bridge.wire.message import Address, Message
@@ -280,9 +281,9 @@ class UdpSocket:
             why = error.strerror or error
             raise OSError(error.errno, f"can't bind to {bind[0]}:{bind[1]}: {why}") from None
         self.send_small = self._batches.small_sender(self._socket)
-        """See `sender.send_queue.SendSmall`."""
+        """See `sender.direct_senders.SendSmall`."""
         self.send_large = self._batches.large_sender(self._socket, self._count_unsent)
-        """See `sender.send_queue.SendLarge`; None without the C extension."""
+        """See `sender.direct_senders.SendLarge`; None without the C extension."""
         self.address: Address = self._socket.getsockname()
         self.receive_buffer: int = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
         """Bytes of the receive buffer that the kernel granted, in kernel bytes."""

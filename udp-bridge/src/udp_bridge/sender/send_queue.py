@@ -8,7 +8,7 @@ sequence number when it is sent, so a superseded message leaves no gap. No socke
 from __future__ import annotations
 
 from collections import deque
-from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Deque, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from udp_bridge.wire.control import CreditRequest
 from udp_bridge.wire.fragments import (
@@ -27,6 +27,7 @@ from udp_bridge.wire.numbering import Numbering
 from udp_bridge.wire.types import CONTROL, REPAIR
 
 from .delivery_counts import DeliveryCounter
+from .direct_senders import DirectSenders, SendLarge, SendSmall
 from .flow_control import BATCH_BYTES, FlowControl, InFlight, kernel_bytes
 from .repair import Fec, RepairTable, Resend, repair_parts
 from .resend import HistoryEntry, QueuedResend, Resender
@@ -35,27 +36,7 @@ from .waiting import LargeMessages, LinkKey, QueueLimits, SmallMessages
 MAX_TEMPLATES = 1024
 """Most topics, with their links, whose header is kept as a template."""
 
-SendSmall = Callable[[Address, bytes, int, int, int, Buffer], int]
-"""Sends a message of one part at once, or not at all: destination, header of part 0, most bytes of
-the body, seq_number, stamp, body. Returns the bytes of the body, or -1."""
-SendLarge = Callable[[Address, bytes, int, int, int, int, int, Buffer], int]
-"""Sends a message of several parts: destination, header of part 0, bytes of the body, part size,
-number of parts, seq_number, stamp, body. Returns how many parts the kernel took, or -1 if the body
-has another size."""
-
 _NOTHING_SENT = (0, 0, 0)
-
-
-class DirectSenders(NamedTuple):
-    """Functions of a socket that send whole messages, where it has them."""
-
-    small: Optional[SendSmall] = None
-    large: Optional[SendLarge] = None
-
-    @classmethod
-    def of(cls, socket: object) -> DirectSenders:
-        """Return those of a socket."""
-        return cls(getattr(socket, "send_small", None), getattr(socket, "send_large", None))
 
 
 class OutgoingBatch(NamedTuple):
