@@ -43,8 +43,8 @@ from .recording import processor_seconds
 DEFAULT = Path(__file__).parents[1] / "scenarios" / "indoor_lab.yaml"
 RUN = "benchmark"
 TICKS = 2000
-"""Ticks of an episode: 5 s. A sensor buffers 4,096 states and the gateway as many messages, of which
-600 come in a second: none is lost in a free episode."""
+"""Ticks of an episode: 5 s. A sensor buffers 4,096 states and the gateway as many messages; 600 of
+these come in a second: none is lost in a free episode."""
 
 PAIRS = 7
 LEAST_FACTOR = {"without": 9.0, "with": 7.0}

@@ -14,7 +14,7 @@ from groundlink.world.solids import Soil
 RADIUS_M, WIDTH_M = 0.058, 0.05
 
 
-class Measured(NamedTuple):
+class WheelMeasurement(NamedTuple):
     """Steady state of the wheel at a slip."""
 
     slip: float
@@ -27,13 +27,13 @@ class Measured(NamedTuple):
 
 
 MEASURED = (
-    Measured(-0.70, 21.84, -24.13, 2.15, 0.0324),
-    Measured(-0.50, 23.24, -17.15, 1.31, 0.0237),
-    Measured(-0.20, 23.72, -7.31, 0.96, 0.0151),
-    Measured(0.00, 24.58, -1.34, 0.77, 0.0144),
-    Measured(0.23, 24.62, 0.70, 1.21, 0.0179),
-    Measured(0.50, 25.28, 0.97, 2.70, 0.0227),
-    Measured(0.75, 24.00, 0.82, 2.78, 0.0254),
+    WheelMeasurement(-0.70, 21.84, -24.13, 2.15, 0.0324),
+    WheelMeasurement(-0.50, 23.24, -17.15, 1.31, 0.0237),
+    WheelMeasurement(-0.20, 23.72, -7.31, 0.96, 0.0151),
+    WheelMeasurement(0.00, 24.58, -1.34, 0.77, 0.0144),
+    WheelMeasurement(0.23, 24.62, 0.70, 1.21, 0.0179),
+    WheelMeasurement(0.50, 25.28, 0.97, 2.70, 0.0227),
+    WheelMeasurement(0.75, 24.00, 0.82, 2.78, 0.0254),
 )
 
 SAND = Soil(

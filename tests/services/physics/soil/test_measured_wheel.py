@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from services.physics.soil.wheel import wheel_forces, wheel_sinkage
-from tools.plots.measured_wheel import MEASURED, RADIUS_M, SAND, WIDTH_M, Measured
+from tools.plots.measured_wheel import MEASURED, RADIUS_M, SAND, WIDTH_M, WheelMeasurement
 
 
 @pytest.mark.parametrize("row", MEASURED, ids=lambda row: f"slip {row.slip}")
-def test_a_measured_wheel_in_sand(row: Measured) -> None:
+def test_a_measured_wheel_in_sand(row: WheelMeasurement) -> None:
     """The drawbar pull deviates by no more than readings scatter, the sinkage by 12 %."""
     slip = np.array(row.slip)
     sinkage = wheel_sinkage(SAND, RADIUS_M, WIDTH_M, np.array(row.load_n), slip)

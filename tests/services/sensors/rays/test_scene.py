@@ -325,7 +325,7 @@ def test_a_world_is_met_up_to_its_bounds(engine: type[RayEngine], away_m: float)
     vertices = (square.vertices + moved).astype(np.float32)
     scene = Scene(Triangles(vertices, square.faces, square.labels), engine=engine)
     for height in (-0.5, 0.5):
-        eye = (moved + (30.0, 3.0, height)).astype(np.float32)
+        eye = (moved + np.array((30.0, 3.0, height))).astype(np.float32)
         directions = (rim + moved - eye).astype(np.float32)
         origins = np.tile(eye, (256, 1)).T
         hits = scene.cast(origins, directions.T, np.zeros(256, np.float32), 2.0)
