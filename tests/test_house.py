@@ -213,7 +213,7 @@ def loaded_by(*modules: str) -> dict[str, str]:
     [
         (("services.router.__main__",), 27),
         (("services.sensors.imu.__main__", "services.sensors.imu.model"), 109),
-        (("services.gateway.__main__",), 170),
+        (("services.gateway.__main__",), 171),
     ],
     ids=["router", "imu", "gateway"],
 )
