@@ -15,7 +15,7 @@ from udp_bridge import Header, Message, parse
 from udp_bridge.io.native import batch_io
 from udp_bridge.io.udp_socket import NativeBatches, PortableBatches
 from udp_bridge.receiver.receive_slots import NO_SLOTS, CreditState, PartBatch, ReceiveSlots
-from udp_bridge.receiver.small_topics import Source, TopicRow, WholeMessage, state_of
+from udp_bridge.receiver.small_topics import TopicOrigin, TopicRow, WholeMessage, state_of
 from udp_bridge.sender.repair import Fec, repair_parts
 from udp_bridge.sender.send_queue import OutgoingBatch
 from udp_bridge.wire.control import Credit
@@ -436,7 +436,7 @@ IMU = 2
 
 
 def row_of(msg_type: int, last: tuple[int, int]) -> TopicRow:
-    source = Source(("127.0.0.1", 1), (msg_type, "/points"), "lidar")
+    source = TopicOrigin(("127.0.0.1", 1), (msg_type, "/points"), "lidar")
     return source, state_of(msg_type, last), msg_type, "/points", "lidar"
 
 

@@ -26,7 +26,7 @@ from .nack import Nack, NackTracker
 from .ordering import MessageKey, key_of
 from .pool import BlockPool
 from .receive_slots import PartBatch, ReceiveSlots
-from .small_topics import DeliveredMessage, Source
+from .small_topics import DeliveredMessage, TopicOrigin
 
 _NOT_DELIVERED = (control.CreditRequest, control.AddressChallenge, control.AddressResponse)
 
@@ -257,7 +257,7 @@ class Reassembler:
             return None
         return topic if topic.order.is_at_end(header) else None
 
-    def last_whole(self, source: Source, size: int) -> Optional[MessageKey]:
+    def last_whole(self, source: TopicOrigin, size: int) -> Optional[MessageKey]:
         """Return the last message of a topic if the next one is delivered when it arrives whole.
 
         `size` is what it announces. It holds until the next datagram is taken.

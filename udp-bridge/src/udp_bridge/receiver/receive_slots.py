@@ -24,7 +24,7 @@ from udp_bridge.wire.message import Address, TopicKey
 from .assembly import Assembly
 from .nack import NackTracker
 from .pool import BlockPool
-from .small_topics import Source, TopicRow
+from .small_topics import TopicOrigin, TopicRow
 
 _MESSAGE_FIELDS = Struct("<2xI2xii")
 """Header fields that differ between messages of a topic: seq_number, time_sec, time_nsec."""
@@ -138,7 +138,7 @@ class SlotPredictor:
         self._header: Optional[Header] = None  # of the part that arrived last
         self._packed_header = b""
         self._sender = NO_SLOTS.sender
-        self._source = Source(self._sender, (0, ""), "")
+        self._source = TopicOrigin(self._sender, (0, ""), "")
         self._part_size = self._parts_max = 0
         self._nacks: Optional[NackTracker] = None
         self._assembly: Optional[Assembly] = None  # of that message, while it is open
@@ -191,8 +191,8 @@ class SlotPredictor:
         )
 
     @property
-    def next_source(self) -> Optional[Source]:
-        """Source of the message that is predicted; None while one is open or none is known."""
+    def next_source(self) -> Optional[TopicOrigin]:
+        """Origin of the message that is predicted; None while one is open or none is known."""
         return self._source if self._parts_max and self._open_assembly() is None else None
 
     @property
@@ -218,7 +218,7 @@ class SlotPredictor:
             return
         self._advance(header.part_number + 1, assembly)
         self._header, self._packed_header, self._sender = header, packed_header, sender
-        self._source = Source(sender, (header.msg_type, header.topic), header.link)
+        self._source = TopicOrigin(sender, (header.msg_type, header.topic), header.link)
         self._part_size, self._parts_max = assembly.part_size, header.parts_max
         self._nacks = nacks
 

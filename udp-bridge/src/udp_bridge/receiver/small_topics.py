@@ -35,7 +35,7 @@ _STATE = Struct("<I?3xq")
 """Number of the next message, whether the topic is ordered by stamp, stamp of the last message."""
 _WireKey = Tuple[Address, bytes, bytes]
 """Sender, first bytes and names of a header: what all datagrams of a topic and link share."""
-TopicRow = Tuple[Union["SmallTopic", "Source"], bytearray, int, str, str]
+TopicRow = Tuple[Union["SmallTopic", "TopicOrigin"], bytearray, int, str, str]
 """A topic with its `_STATE`, msg_type, name and link. Each message of it changes the state."""
 
 
@@ -66,7 +66,7 @@ class SmallTopic:
         self._table.pop(self._wire_key, None)
 
 
-class Source(NamedTuple):
+class TopicOrigin(NamedTuple):
     """Sender, topic and link of messages of several parts."""
 
     sender: Address
@@ -77,7 +77,7 @@ class Source(NamedTuple):
 class DeliveredMessage(NamedTuple):
     """A message that was delivered and is not recorded yet. It does not keep the body."""
 
-    source: Union[SmallTopic, Source]
+    source: Union[SmallTopic, TopicOrigin]
     key: MessageKey
     body_size: int
     parts: int
