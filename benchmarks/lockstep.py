@@ -55,7 +55,7 @@ LOST = ("missed_ticks", "bus_dropped", "gap_overloaded")
 """Counters that must be 0."""
 
 
-class Measured(NamedTuple):
+class EpisodeCost(NamedTuple):
     """An episode: wall time, and processor time by process, s."""
 
     seconds: float
@@ -114,7 +114,7 @@ def physics() -> None:
 
 def measured_episode(
     acks: BusInbox[Ack], needed: set[str], after: int, supervisor: Supervisor
-) -> tuple[int, Measured]:
+) -> tuple[int, EpisodeCost]:
     """Return the next episode, measured from its first acknowledgement to the last ones."""
     reached: dict[str, int] = {}
     episode = after
@@ -129,7 +129,7 @@ def measured_episode(
         if episode > after and ack.episode == episode and name in needed:
             reached[name] = ack.tick
     seconds, now = time.monotonic() - begun, processor_times(supervisor)
-    return episode, Measured(seconds, {name: now[name] - before.get(name, 0.0) for name in now})
+    return episode, EpisodeCost(seconds, {name: now[name] - before.get(name, 0.0) for name in now})
 
 
 def lost(health: BusInbox[BusMessage]) -> dict[str, int]:
@@ -152,7 +152,7 @@ def processor_times(supervisor: Supervisor) -> dict[str, float]:
     }
 
 
-def measure(scenario: Scenario, file: Path, pairs: int, together: bool) -> list[list[Measured]]:
+def measure(scenario: Scenario, file: Path, pairs: int, together: bool) -> list[list[EpisodeCost]]:
     """Return pairs of episodes, one in lockstep and one free."""
     endpoint = process_commands.free_endpoint()
     commands = process_commands.commands(
@@ -201,7 +201,7 @@ def main() -> int:
     return judge(claims, options)
 
 
-def report(camera: str, least: float, pairs: Sequence[Sequence[Measured]]) -> list[Claim]:
+def report(camera: str, least: float, pairs: Sequence[Sequence[EpisodeCost]]) -> list[Claim]:
     """Print the measurements; return the claims about them."""
     sim_seconds = TICKS * TICK_SECONDS
     what = f"default scenario {camera} its camera"
