@@ -20,7 +20,8 @@ import sys
 import tempfile
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -138,10 +139,15 @@ def figures_of(pid: int) -> Figures:
     fields = (process / "stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     found["user"], found["system"] = (int(field) / TICKS_PER_SECOND for field in fields[11:13])
     for thread in (process / "task").iterdir():
+        try:
+            running, queued, _ = (thread / "schedstat").read_text(encoding="utf-8").split()
+            status = (thread / "status").read_text(encoding="utf-8")
+        except OSError:
+            continue  # it has ended meanwhile
         found["threads"] += 1
-        found["queued"] += int((thread / "schedstat").read_text().split()[1]) / 1e9
-        found["cpu"] += int((thread / "schedstat").read_text().split()[0]) / 1e9
-        for line in (thread / "status").read_text(encoding="utf-8").splitlines():
+        found["cpu"] += int(running) / 1e9
+        found["queued"] += int(queued) / 1e9
+        for line in status.splitlines():
             if line.startswith("voluntary_ctxt"):
                 found["voluntary"] += int(line.split()[1])
             elif line.startswith("nonvoluntary_ctxt"):
@@ -210,11 +216,11 @@ class HealthReports:
         )
 
 
-def costs(root: int, reports: HealthReports, seconds: float) -> dict[str, Any]:
-    """Measure the processes of a run for some seconds."""
+def costs(processes_of: Iterable[int], reports: HealthReports, seconds: float) -> dict[str, Any]:
+    """Measure processes, by their ids, and the run that they belong to for some seconds."""
     sim_from, wall_from = reports.wait_for_physics()
     busy_from, lost_from = busy_seconds(), reports.left_out()
-    pids = {pid: name_of(pid) for pid in descendants(root)}
+    pids = {pid: name_of(pid) for pid in processes_of}
     before = {pid: figures_of(pid) for pid in pids}
     reports.ages.clear()
     reports.update(seconds)
@@ -283,8 +289,22 @@ def joined(endpoint: str, deadline: float) -> Bus:
                 raise
 
 
-def measure(file: Path, seconds: float, more: Sequence[str] = ()) -> dict[str, Any]:
+def measure(
+    file: Path,
+    seconds: float,
+    more: Sequence[str] = (),
+    beside: Callable[[Bus], AbstractContextManager[None]] = lambda bus: nullcontext(),
+    *,
+    ages: bool = True,
+) -> dict[str, Any]:
     """Run a scenario, with more arguments for `groundlink up`, and measure it.
+
+    Parameters
+    ----------
+    beside
+        what goes on during the first part, with a session on the run's bus.
+    ages
+        whether there is a second part.
 
     Raises
     ------
@@ -299,7 +319,7 @@ def measure(file: Path, seconds: float, more: Sequence[str] = ()) -> dict[str, A
     ):
         try:
             deadline = time.monotonic() + START_SECONDS
-            with joined(endpoint, deadline) as bus:
+            with joined(endpoint, deadline) as bus, beside(bus):
                 reports = HealthReports(bus)
                 while not reports.everything_arrives:
                     reports.update(0.2)
@@ -307,8 +327,8 @@ def measure(file: Path, seconds: float, more: Sequence[str] = ()) -> dict[str, A
                         output.seek(0)
                         raise RuntimeError(f"the run did not start:\n{output.read()}")
                 reports.update(SETTLE_SECONDS)
-                found = costs(up.pid, reports, seconds)
-            return found | {"bus_ages_ms": bus_ages(endpoint, scenario)}
+                found = costs(descendants(up.pid), reports, seconds)
+            return found | {"bus_ages_ms": bus_ages(endpoint, scenario) if ages else {}}
         finally:
             up.terminate()
 

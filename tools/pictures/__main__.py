@@ -69,6 +69,7 @@ RECIPES = {
         (f"{PYTHON} -m benchmarks.freshness --seconds 15 --picture OUT",),
         needs="the right to create network namespaces",
     ),
+    "scale.png": Recipe((f"{PYTHON} -m benchmarks.scale.model --picture OUT",)),
     **{f"{name}.png": panels(name) for name in ("camera", "camera_effects", "camera_rural")},
     **{f"{name}.png": panels(name) for name in ("depth", "meadow", "terrain")},
     "labels.png": Recipe((f"{PYTHON} -m tools.pictures.labels OUT",), colors=128),
