@@ -57,7 +57,17 @@ APART_M = 12.0
 
 
 def field(model: str, count: int, soil: str = "") -> Scenario:
-    """Return a scenario of vehicles that drive about far from each other on flat ground."""
+    """Return a scenario of vehicles that drive about far from each other.
+
+    On a flat floor, or on terrain of soil, in which they leave ruts.
+    """
+    floor = (
+        "  terrain: {kind: hills, size_m: [400, 400], cell_m: 1.0, height_m: 1.0, longest_m: 80.0,"
+        " material: ground}"
+        if soil
+        else "  solids: [{name: floor, shape: {kind: box, size_m: [400, 400, 1]}, material: ground,"
+        " position_m: [0, 0, -0.5]}]"
+    )
     lines = [
         "name: field",
         "time: {mode: fast}",
@@ -67,9 +77,7 @@ def field(model: str, count: int, soil: str = "") -> Scenario:
         f"    ground: {{{f'soil: {soil}' if soil else ''}}}",
         *(f"    {name}: {{}}" for name in ("rubber", "metal", "dark_metal")),
         "    yellow_paint: {}",
-        "  solids:",
-        "    - {name: floor, shape: {kind: box, size_m: [400, 400, 1]}, material: ground,"
-        " position_m: [0, 0, -0.5]}",
+        floor,
         "vehicles:",
     ]
     for i in range(count):

@@ -73,6 +73,7 @@ RECIPES = {
     **{f"{name}.png": panels(name) for name in ("camera", "camera_effects", "camera_rural")},
     **{f"{name}.png": panels(name) for name in ("depth", "meadow", "terrain")},
     "labels.png": Recipe((f"{PYTHON} -m tools.pictures.labels OUT",), colors=128),
+    "ruts.png": Recipe((f"{PYTHON} -m tools.pictures.ruts OUT",), colors=128),
     **{f"world_{name}.png": world(name) for name in ("lab", "rural", "track", "valley", "yard")},
     **{
         f"vehicle_{name}.png": vehicle(name)
