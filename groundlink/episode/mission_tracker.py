@@ -127,6 +127,8 @@ def wheels_twist(model: VehicleModel, speeds_radps: Mapping[str, float]) -> tupl
             y_m = model.wheels[shaft.wheels[0]].center_m[1]
             sides[y_m > 0].append(speeds_radps.get(shaft.name, 0.0) * shaft.radius_m)
             places.append(y_m)
+    if not places:
+        return 0.0, 0.0
     right, left = (sum(side) / len(side) for side in sides)
     if not isinstance(model.drive, SideSteered):
         return (left + right) / 2, 0.0

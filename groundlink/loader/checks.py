@@ -15,7 +15,14 @@ from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.lockstep_window import window_mistake
 from groundlink.scenario.ros_side import GATEWAY_TOPICS, Stream
 from groundlink.scenario.route import Route, ThereAndBack, Waypoints
-from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Scenario, Vehicle
+from groundlink.scenario.schema import (
+    HITCH_APART_M,
+    RESERVED_NAMES,
+    RESERVED_SENSOR_NAMES,
+    Scenario,
+    Towing,
+    Vehicle,
+)
 from groundlink.scenario.sensor_kinds import kind_of, load_reference
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.scene.build import UnknownMaterial, WorldError, solids
@@ -26,6 +33,30 @@ from groundlink.scene.true_map import check_true_map
 from .document import DataPath, Document, ScenarioError
 from .material_library import material_library
 from .validation_errors import dotted
+
+
+def _check_hitch(
+    hitch: Towing,
+    vehicle: Vehicle,
+    earlier: Sequence[Vehicle],
+    document: Document,
+    path: DataPath,
+) -> None:
+    """Refuse a hitch to no earlier vehicle, or of another height than the coupling."""
+    by = next((other for other in earlier if other.name == hitch.vehicle), None)
+    if by is None:
+        known = ", ".join(other.name for other in earlier) or "none: list it first"
+        raise ScenarioError(
+            f"{document.mark((*path, 'vehicle'))}: `towed_by.vehicle`: no earlier vehicle "
+            f"`{hitch.vehicle}`; expected one of {known}"
+        )
+    height_m = by.model.base_height_m + hitch.hitch_m[2]
+    coupled_m = vehicle.model.base_height_m + hitch.coupling_m[2]
+    if abs(height_m - coupled_m) > HITCH_APART_M:
+        raise ScenarioError(
+            f"{document.mark((*path, 'coupling_m'))}: `towed_by.coupling_m`: is {coupled_m:.3g} m "
+            f"above level ground, the hitch {height_m:.3g} m; expected the same height"
+        )
 
 
 def check_scenario(scenario: Scenario, document: Document) -> None:
@@ -42,6 +73,8 @@ def check_scenario(scenario: Scenario, document: Document) -> None:
     for v, vehicle in enumerate(scenario.vehicles):
         here: DataPath = ("vehicles", v)
         _free(document, (*here, "name"), vehicle.name, RESERVED_NAMES)
+        if hitch := vehicle.towed_by:
+            _check_hitch(hitch, vehicle, scenario.vehicles[:v], document, (*here, "towed_by"))
         taken: list[str] = []
         for section, specs in _sections(vehicle):
             for s, spec in enumerate(specs):

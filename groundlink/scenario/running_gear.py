@@ -428,7 +428,29 @@ class Omnidirectional(DriveSpec, frozen=True, tag="omnidirectional", kw_only=Tru
             )
 
 
-Drive = SkidSteer | Differential | Tracked | Ackermann | Omnidirectional
+class Towed(DriveSpec, frozen=True, tag="towed", kw_only=True):
+    """No motor: all wheels roll freely, as those of a trailer do. Encoders may be on any."""
+
+    max_wheel_torque_nm: Positive = 1.0
+    """Without effect."""
+
+    max_wheel_speed_radps: Positive = 200.0
+    """Largest speed that encoders count."""
+
+    def drives(self, index: int, wheels: Sequence[Wheel]) -> bool:
+        """Return that no wheel has a motor."""
+        return False
+
+    def counted(self, wheels: Sequence[Wheel]) -> tuple[Shaft, ...]:
+        """Return all wheels but casters."""
+        return self.shafts(wheels)
+
+    def pivot_x_m(self, wheels: Sequence[Wheel]) -> float:
+        """Return the x coordinate of the mean axle."""
+        return self._counted_x_m(wheels)
+
+
+Drive = SkidSteer | Differential | Tracked | Ackermann | Omnidirectional | Towed
 
 LEAST_HOLD = 1e-3
 """Determinant, relative to that of wheels that hold a base alike in all directions, below which

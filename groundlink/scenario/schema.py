@@ -8,11 +8,11 @@ which field names state; the code that uses them converts them.
 
 from __future__ import annotations
 
-from math import isfinite, isinf
+from math import cos, isfinite, isinf, radians, sin
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from msgspec import UNSET, Meta, UnsetType, field
-from msgspec.structs import replace
+from msgspec.structs import force_setattr, replace
 
 from groundlink.core.clock import NANOS, TICK_RATE_HZ, exact
 from groundlink.core.fields import Positive, Spec, Vector3
@@ -209,6 +209,26 @@ class Placement(Spec, frozen=True):
     """Heading, counterclockwise from the world's x axis."""
 
 
+class Towing(Spec, frozen=True, kw_only=True):
+    """Hitch by which another vehicle tows this one: a ball that turns freely in its coupling."""
+
+    vehicle: Name
+    """Name of the towing vehicle, which is listed earlier."""
+
+    hitch_m: Vector3
+    """Center of the ball in the base frame of the towing vehicle."""
+
+    coupling_m: Vector3
+    """Place of the coupling in this vehicle's base frame."""
+
+    angle_deg: float = 0.0
+    """Heading from that of the towing vehicle at the start, counterclockwise."""
+
+
+HITCH_APART_M = 0.05
+"""Largest difference of heights above level ground between hitch and coupling."""
+
+
 class Vehicle(Spec, frozen=True, kw_only=True):
     """A vehicle of a run."""
 
@@ -219,7 +239,10 @@ class Vehicle(Spec, frozen=True, kw_only=True):
     """Bodies, wheels and drive. A file may give the name of a vehicle file instead."""
 
     placement: Placement = Placement()
-    """Spawn place; default: the world's origin."""
+    """Spawn place; default: the world's origin, or behind the vehicle of `towed_by`."""
+
+    towed_by: Towing | UnsetType = UNSET
+    """Hitch to another vehicle; none: it moves on its own."""
 
     namespace: Annotated[str, Meta(pattern=NAMESPACE)] = ""
     """Namespace of topics that do not begin with a slash: `/name` if a run has several vehicles."""
@@ -440,6 +463,10 @@ class Scenario(Spec, frozen=True, kw_only=True):
     expect: tuple[Expectation, ...] = ()
     """Conditions that a run of the scenario passes or fails. `kind` selects the kind of each."""
 
+    def __post_init__(self) -> None:
+        if any(vehicle.towed_by for vehicle in self.vehicles):
+            force_setattr(self, "vehicles", _behind(self.vehicles))
+
     def sensor(self, name: str) -> tuple[Vehicle, SensorSpec] | None:
         """Return the vehicle and the sensor named `vehicle/sensor`, or None."""
         for vehicle in self.vehicles:
@@ -483,3 +510,23 @@ class Scenario(Spec, frozen=True, kw_only=True):
 
 
 __all__ = ["Placement", "Scenario", "Time", "Vector3", "Vehicle", "World"]
+
+
+def _behind(vehicles: tuple[Vehicle, ...]) -> tuple[Vehicle, ...]:
+    """Return vehicles with those that are towed at the hitches of the vehicles that tow them."""
+    placed: dict[str, Vehicle] = {}
+    for vehicle in vehicles:
+        if (hitch := vehicle.towed_by) and (by := placed.get(hitch.vehicle)):
+            yaw_deg = by.placement.yaw_deg + hitch.angle_deg
+            x, y = by.placement.x_m, by.placement.y_m
+            for at, turn_deg, sign in (
+                (hitch.hitch_m, by.placement.yaw_deg, 1),
+                (hitch.coupling_m, yaw_deg, -1),
+            ):
+                c, s = cos(radians(turn_deg)), sin(radians(turn_deg))
+                x += sign * (c * at[0] - s * at[1])
+                y += sign * (s * at[0] + c * at[1])
+            place = Placement(x, y, by.placement.z_m, yaw_deg)
+            vehicle = replace(vehicle, placement=place)
+        placed[vehicle.name] = vehicle
+    return tuple(placed.values()) if len(placed) == len(vehicles) else vehicles

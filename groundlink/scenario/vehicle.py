@@ -375,7 +375,8 @@ class VehicleModel(Spec, frozen=True, kw_only=True):
     @property
     def top_speed_mps(self) -> float:
         """Largest speed in a straight line, at the largest speed of the driven shafts."""
-        driven = (shaft for shaft in self.drive.shafts(self.wheels) if shaft.driven)
+        shafts = self.drive.shafts(self.wheels)
+        driven = [shaft for shaft in shafts if shaft.driven] or shafts
         return self.drive.max_wheel_speed_radps * min(shaft.radius_m for shaft in driven)
 
 

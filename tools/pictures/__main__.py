@@ -77,7 +77,7 @@ RECIPES = {
     **{f"world_{name}.png": world(name) for name in ("lab", "rural", "track", "valley", "yard")},
     **{
         f"vehicle_{name}.png": vehicle(name)
-        for name in "car decontamination_robot mecanum_base rocker_bogie rover tank".split()
+        for name in "car decontamination_robot mecanum_base rocker_bogie rover tank trailer".split()
     },
     "tutorial_cart.png": tutorial("cart.yaml --from 60,20"),
     "tutorial_ride.png": tutorial("ride.yaml --from 160,35"),

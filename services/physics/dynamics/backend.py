@@ -109,6 +109,18 @@ class Backend(Protocol):
             contents of the files that the document refers to, by name.
         """
 
+    def couple(self, body: int, at_m: Vector3, other: int, other_at_m: Vector3) -> int:
+        """Hold two points of bodies' bases together by a ball joint, and return the joint.
+
+        Parameters
+        ----------
+        at_m, other_at_m
+            from the centers of mass, in the bases' frames.
+        """
+
+    def uncouple(self, joint: int) -> None:
+        """Remove a ball joint, before its bodies."""
+
     def remove(self, body: int) -> None:
         """Remove a body."""
 

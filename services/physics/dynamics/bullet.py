@@ -55,6 +55,9 @@ with _quiet():
 SOLVER_ITERATIONS = 20
 """Iterations of the contact solver in each step; motion on springs is the same from 10 on."""
 
+HITCH_N = 1e6
+"""Largest force of a ball joint; Bullet's own default gives way at 500 N."""
+
 MAX_TRIANGLES = 2_000_000
 """Triangles of a mesh; a million takes 4 s and 0.3 GB."""
 
@@ -262,6 +265,17 @@ class BulletBackend:
         found = [self._bullet.getJointInfo(body, link) for link in links]
         places = {info[1].decode(): (info[0], info[3], info[4]) for info in found}
         return ArticulatedBody(body, [places[name] for name in joints])
+
+    def couple(self, body: int, at_m: Vector3, other: int, other_at_m: Vector3) -> int:
+        joint: int = self._bullet.createConstraint(
+            *(body, BASE, other, BASE, pybullet.JOINT_POINT2POINT),
+            *(_ORIGIN, at_m, other_at_m),
+        )
+        self._bullet.changeConstraint(joint, maxForce=HITCH_N)
+        return joint
+
+    def uncouple(self, joint: int) -> None:
+        self._bullet.removeConstraint(joint)
 
     def remove(self, body: int) -> None:
         self._bullet.removeBody(body)

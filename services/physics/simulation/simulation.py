@@ -17,7 +17,7 @@ from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Command, VehicleState, WheelCommand
 from groundlink.messages.ground_truth import Vitals
 from groundlink.messages.navigation import JointState
-from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.schema import Scenario, Towing, Vehicle
 from groundlink.scenario.vehicle import VehicleModel
 from groundlink.scene.spawn_checks import actor_bodies, vehicle_bodies
 from groundlink.world import terrain
@@ -124,6 +124,10 @@ class Simulation:
         self._statics: dict[int, StaticBody] = {}
         self._vehicles: dict[str, SimulatedVehicle] = {}
         self._models: dict[str, VehicleModel] = {}
+        self._hitches: dict[str, Towing] = {}
+        """Of the towed vehicles."""
+
+        self._ball_joints: list[int] = []
         self._actors: dict[str, actors.ScriptedActor | actors.FreeActor] = {}
         self._described: dict[str, Actor] = {}
         self._bodies: dict[int, Sequence[Solid]] = {}
@@ -160,6 +164,7 @@ class Simulation:
             the present one; `is_as_built` must be true.
         """
         self._known = memory
+        self._uncouple()
         # The engine swaps the last body into the place of a removed one.
         for put in reversed(self._actors.values()):
             self._remove(put)
@@ -181,6 +186,7 @@ class Simulation:
         do at tick zero, vehicles at their placements.
         """
         self.is_as_built = False
+        self._uncouple()
         self._remove_others(
             {vehicle.name for vehicle in scenario.vehicles},
             {actor.name for actor in scenario.world.actors},
@@ -211,8 +217,21 @@ class Simulation:
         self._assemble()
 
     def _assemble(self) -> None:
-        """Step the present vehicles from now on."""
+        """Step the present vehicles from now on, and those that are towed at their hitches."""
+        for name, hitch in self._hitches.items():
+            if name in self._vehicles and hitch.vehicle in self._vehicles:
+                by, it = self._vehicles[hitch.vehicle], self._vehicles[name]
+                ends = by.body, by.from_center(hitch.hitch_m), it.body
+                self._ball_joints.append(
+                    self._backend.couple(*ends, it.from_center(hitch.coupling_m))
+                )
         self._fleet = Fleet(self._backend, self._vehicles, self._ground, self.ruts)
+
+    def _uncouple(self) -> None:
+        """Open all hitches, until `_assemble`."""
+        for joint in self._ball_joints:
+            self._backend.uncouple(joint)
+        self._ball_joints.clear()
 
     def _remove_others(
         self, vehicles: Set[str], actors: Set[str], solids: Mapping[str, Solid]
@@ -245,12 +264,16 @@ class Simulation:
         )
         if (known := self._known.vehicles.get(described.name)) is not None:
             vehicle.remember(known)
-        elif (ground := self._terrain.ground) is not None or described.payload:
+        # A towed vehicle stands on its hitch, too, and finds its rest there.
+        elif not described.towed_by and (self._terrain.ground or described.payload):
+            ground = self._terrain.ground
             on, materials = (ground, self._materials) if ground else (LEVEL, ON_LEVEL)
             if (rest := settled(described, on, materials, self._new_backend)) is not None:
                 vehicle.put(rest)
         self._vehicles[described.name] = vehicle
         self._models[described.name] = described.model
+        if described.towed_by:
+            self._hitches[described.name] = described.towed_by
         self._bodies[vehicle.body] = (_whole(described.name),)
         self._carry(vehicle, described.model.name, reach_of(described.model))
 
@@ -275,6 +298,7 @@ class Simulation:
         Ruts vanish.
         """
         self.is_as_built = False
+        self._uncouple()
         if self.ruts is not None:
             self.ruts.clear()
         for described in scenario.vehicles:

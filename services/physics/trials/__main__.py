@@ -16,6 +16,7 @@ from groundlink.core.errors import UserError
 from groundlink.core.extras import process_needs
 from groundlink.loader.partial_scenario import FileKind, load_partial
 from groundlink.process import runner as process
+from groundlink.scenario.running_gear import Towed
 
 PROCESS = "try"
 
@@ -31,6 +32,8 @@ def main(arguments: Sequence[str], stop: threading.Event) -> None:
     kind, scenario = load_partial(options.vehicle, warn=_warn)
     if kind is not FileKind.VEHICLE:
         raise UserError(f"{options.vehicle}: is a {kind.value}. Fix: pass a vehicle's file or name")
+    if isinstance(scenario.vehicles[0].model.drive, Towed):
+        raise UserError(f"{options.vehicle}: is towed; expected a vehicle that drives")
     trials = []
     for trial in all_trials(scenario.vehicles[0].model, climb_deg=options.slope):
         if stop.is_set():

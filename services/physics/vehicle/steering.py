@@ -10,7 +10,7 @@ from math import atan, copysign, hypot, tan
 
 import numpy as np
 
-from groundlink.scenario.running_gear import Ackermann, Omnidirectional, SideSteered
+from groundlink.scenario.running_gear import Ackermann, Omnidirectional, SideSteered, Towed
 from groundlink.scenario.vehicle import VehicleModel
 
 Speeds = tuple[float, ...]
@@ -176,13 +176,38 @@ class OmnidirectionalSteering:
         return tuple([part * share for part in twist])
 
 
-Steering = SkidSteering | AckermannSteering | OmnidirectionalSteering
+class NoSteering:
+    """Of a vehicle that is towed."""
+
+    MEMORY = ()
+    STANDSTILL = STANDSTILL
+
+    def speeds(self, twist: Twist, angles: Sequence[float] = ()) -> Speeds:
+        """Return no speeds."""
+        return ()
+
+    def twist(self, speeds: Sequence[float], angles: Sequence[float] = ()) -> Twist:
+        """Return standstill."""
+        return STANDSTILL
+
+    def angles(self, twist: Twist) -> tuple[float, ...]:
+        """Return no angles."""
+        return ()
+
+    def within_limits(self, twist: Twist) -> Twist:
+        """Return standstill."""
+        return STANDSTILL
+
+
+Steering = SkidSteering | AckermannSteering | OmnidirectionalSteering | NoSteering
 
 
 def steering(model: VehicleModel) -> Steering:
     """Return the steering geometry of a vehicle."""
     if isinstance(model.drive, Ackermann):
         return AckermannSteering(model, model.drive)
+    if isinstance(model.drive, Towed):
+        return NoSteering()
     if isinstance(model.drive, Omnidirectional):
         return OmnidirectionalSteering(model, model.drive)
     return SkidSteering(model, model.drive)

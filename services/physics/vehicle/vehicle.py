@@ -156,7 +156,9 @@ class SimulatedVehicle(Structure):
         self.body, self._alone = body.number, BodyList([body])
         self._count = count = len(model.wheels)
         # Springs carry the model alone at rest, and a payload presses them further.
-        preloads, loads = spring_loads(model), spring_loads(model, payload)
+        coupling_m = vehicle.towed_by.coupling_m if vehicle.towed_by else None
+        preloads = spring_loads(model, coupling_m=coupling_m)
+        loads = spring_loads(model, payload, coupling_m=coupling_m)
         model_kg = model.chassis.mass_kg + sum(wheel.mass_kg for wheel in model.wheels)
         model_kg += sum(arm.mass_kg for arm in model.arms)
         whole_kg = model_kg + sum(load.mass_kg for load in payload)
@@ -341,6 +343,11 @@ class SimulatedVehicle(Structure):
             self.running_gear.roll(forward_mps, left_mps, c * wx + f * wy + i * wz)
         self.sense()
 
+    def from_center(self, place_m: Vector3) -> Vector3:
+        """Return a place in the base frame from the base's center of mass."""
+        (x, y, z), (cx, cy, cz) = place_m, self._com
+        return x - cx, y - cy, z - cz
+
     def pose(self) -> Pose:
         """Return world_from_base."""
         qx, qy, qz, qw = self.articulated.orientation
@@ -458,12 +465,19 @@ class SimulatedVehicle(Structure):
         )
 
 
-def spring_loads(model: VehicleModel, payload: Sequence[Payload] = ()) -> list[float]:
+def spring_loads(
+    model: VehicleModel, payload: Sequence[Payload] = (), *, coupling_m: Vector3 | None = None
+) -> list[float]:
     """Return the force (N) with which each spring carries chassis, arms and payload at rest.
 
     Forces and their moments balance the weight of all and of wheels in the air. Of all such loads,
     the one with the smallest sum of squares: that of springs of one stiffness. The springs of
     wheels in the air hold these up, so their force is negative.
+
+    Parameters
+    ----------
+    coupling_m
+        of a towed vehicle: its hitch carries like a spring.
     """
     standing = np.array([model.stands_on(wheel) for wheel in model.wheels])
     places = np.array([(1.0, *wheel.center_m[:2]) for wheel in model.wheels]).T
@@ -477,6 +491,10 @@ def spring_loads(model: VehicleModel, payload: Sequence[Payload] = ()) -> list[f
     if model.linkage:
         rows, sums = zip(*balance_rows(model), strict=True)
         places, weights = np.vstack([places, rows]), np.append(weights, sums)
-    balance = np.linalg.lstsq(places * standing, GRAVITY_MPS2 * weights)[0]
+    carrying = places * standing
+    if coupling_m is not None:
+        at_hitch = [1.0, *coupling_m[:2], *[0.0] * (len(carrying) - 3)]
+        carrying = np.column_stack([carrying, at_hitch])
+    balance = np.linalg.lstsq(carrying, GRAVITY_MPS2 * weights)[0][: len(hanging)]
     loads: list[float] = (balance - GRAVITY_MPS2 * hanging).tolist()
     return loads

@@ -24,6 +24,7 @@ from groundlink.scenario.running_gear import (
     Omnidirectional,
     SideSteered,
     SkidSteer,
+    Towed,
     Tracked,
 )
 from groundlink.scenario.schema import Scenario, Vehicle
@@ -48,6 +49,7 @@ SKID = {
     Differential: (5e-4, 0.0),
     Ackermann: (5e-4, 0.0),
     Omnidirectional: (2e-3, 0.0),
+    Towed: (5e-4, 0.0),
 }
 """Default `turn_stddev_share` and `skid_stddev_s` by drive: the skid of the shipped vehicles on
 level ground at up to 1 m/s and 0.5 rad/s."""

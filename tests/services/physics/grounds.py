@@ -19,8 +19,9 @@ from groundlink.scenario.vehicle import VehicleModel
 from groundlink.world.solids import Box, Soil, Solid
 from services.physics.trials.track import MATERIALS
 
-VEHICLES = sorted(file.stem for file in (SHIPPED / "vehicles").glob("*.yaml"))
-"""Names of all shipped vehicles."""
+TRAILER = "trailer"
+VEHICLES = sorted({file.stem for file in (SHIPPED / "vehicles").glob("*.yaml")} - {TRAILER})
+"""Names of all shipped vehicles that drive."""
 
 STEEP_DEG = 20.0
 
