@@ -15,16 +15,9 @@ from groundlink.scenario.fault_checks import fault_problem
 from groundlink.scenario.lockstep_window import window_mistake
 from groundlink.scenario.ros_side import GATEWAY_TOPICS, Stream
 from groundlink.scenario.route import Route, ThereAndBack, Waypoints
-from groundlink.scenario.schema import (
-    HITCH_APART_M,
-    RESERVED_NAMES,
-    RESERVED_SENSOR_NAMES,
-    Scenario,
-    Towing,
-    Vehicle,
-)
+from groundlink.scenario.schema import RESERVED_NAMES, RESERVED_SENSOR_NAMES, Scenario, Vehicle
 from groundlink.scenario.sensor_kinds import kind_of, load_reference
-from groundlink.scenario.vehicle import VehicleModel
+from groundlink.scenario.vehicle import HITCH_APART_M, Towing, VehicleModel
 from groundlink.scene.build import UnknownMaterial, WorldError, solids
 from groundlink.scene.entities import static_entities
 from groundlink.scene.spawn_checks import check_spawns

@@ -8,7 +8,7 @@ which field names state; the code that uses them converts them.
 
 from __future__ import annotations
 
-from math import cos, isfinite, isinf, radians, sin
+from math import isfinite, isinf
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from msgspec import UNSET, Meta, UnsetType, field
@@ -38,7 +38,7 @@ from .ros_side import (
 )
 from .route import Route
 from .sensor_kinds import sensor_union
-from .vehicle import Effect, Payload, VehicleModel
+from .vehicle import Effect, Payload, Towing, VehicleModel
 
 Sensor: TypeAlias = SensorSpec
 """A sensor of any installed kind, identified by its tag. Type checkers see the fields that all
@@ -207,26 +207,6 @@ class Placement(Spec, frozen=True):
 
     yaw_deg: float = 0.0
     """Heading, counterclockwise from the world's x axis."""
-
-
-class Towing(Spec, frozen=True, kw_only=True):
-    """Hitch by which another vehicle tows this one: a ball that turns freely in its coupling."""
-
-    vehicle: Name
-    """Name of the towing vehicle, which is listed earlier."""
-
-    hitch_m: Vector3
-    """Center of the ball in the base frame of the towing vehicle."""
-
-    coupling_m: Vector3
-    """Place of the coupling in this vehicle's base frame."""
-
-    angle_deg: float = 0.0
-    """Heading from that of the towing vehicle at the start, counterclockwise."""
-
-
-HITCH_APART_M = 0.05
-"""Largest difference of heights above level ground between hitch and coupling."""
 
 
 class Vehicle(Spec, frozen=True, kw_only=True):
@@ -464,8 +444,14 @@ class Scenario(Spec, frozen=True, kw_only=True):
     """Conditions that a run of the scenario passes or fails. `kind` selects the kind of each."""
 
     def __post_init__(self) -> None:
-        if any(vehicle.towed_by for vehicle in self.vehicles):
-            force_setattr(self, "vehicles", _behind(self.vehicles))
+        starts: dict[str, Placement] = {}
+        for vehicle in self.vehicles:
+            starts[vehicle.name] = vehicle.placement
+            if (hitch := vehicle.towed_by) and (by := starts.get(hitch.vehicle)):
+                x, y, yaw_deg = hitch.behind(by.x_m, by.y_m, by.yaw_deg)
+                starts[vehicle.name] = Placement(x, y, by.z_m, yaw_deg)
+        placed = (replace(v, placement=starts[v.name]) if v.towed_by else v for v in self.vehicles)
+        force_setattr(self, "vehicles", tuple(placed))
 
     def sensor(self, name: str) -> tuple[Vehicle, SensorSpec] | None:
         """Return the vehicle and the sensor named `vehicle/sensor`, or None."""
@@ -510,23 +496,3 @@ class Scenario(Spec, frozen=True, kw_only=True):
 
 
 __all__ = ["Placement", "Scenario", "Time", "Vector3", "Vehicle", "World"]
-
-
-def _behind(vehicles: tuple[Vehicle, ...]) -> tuple[Vehicle, ...]:
-    """Return vehicles with those that are towed at the hitches of the vehicles that tow them."""
-    placed: dict[str, Vehicle] = {}
-    for vehicle in vehicles:
-        if (hitch := vehicle.towed_by) and (by := placed.get(hitch.vehicle)):
-            yaw_deg = by.placement.yaw_deg + hitch.angle_deg
-            x, y = by.placement.x_m, by.placement.y_m
-            for at, turn_deg, sign in (
-                (hitch.hitch_m, by.placement.yaw_deg, 1),
-                (hitch.coupling_m, yaw_deg, -1),
-            ):
-                c, s = cos(radians(turn_deg)), sin(radians(turn_deg))
-                x += sign * (c * at[0] - s * at[1])
-                y += sign * (s * at[0] + c * at[1])
-            place = Placement(x, y, by.placement.z_m, yaw_deg)
-            vehicle = replace(vehicle, placement=place)
-        placed[vehicle.name] = vehicle
-    return tuple(placed.values()) if len(placed) == len(vehicles) else vehicles

@@ -8,6 +8,7 @@ at the ends of a track.
 """
 
 from collections.abc import Collection
+from math import cos, radians, sin
 from typing import Annotated, Literal, Self, get_args
 
 from msgspec import UNSET, Meta, UnsetType, field
@@ -17,7 +18,7 @@ from groundlink.core.clock import TICK_SECONDS
 from groundlink.core.fields import Fraction01, NonNegative, Positive, Size3, Spec, Vector3
 from groundlink.world.solids import Material, Solid
 
-from .every_sensor import Frame, Mount
+from .every_sensor import Frame, Mount, Name
 from .joints import Arm, Joint, JointInterface, Linkage
 from .joints import check as check_joints
 from .running_gear import (
@@ -195,6 +196,35 @@ class Wading(Spec, frozen=True, kw_only=True):
     displaced_m3: NonNegative | None = None
     """Water that the body displaces when it is under water; none: the volume of its box. A body
     that fills with water displaces little."""
+
+
+class Towing(Spec, frozen=True, kw_only=True):
+    """Hitch by which another vehicle tows this one: a ball that turns freely in its coupling."""
+
+    vehicle: Name
+    """Name of the towing vehicle, which is listed earlier."""
+
+    hitch_m: Vector3
+    """Center of the ball in the base frame of the towing vehicle."""
+
+    coupling_m: Vector3
+    """Place of the coupling in this vehicle's base frame."""
+
+    angle_deg: float = 0.0
+    """Heading from that of the towing vehicle at the start, counterclockwise."""
+
+    def behind(self, x_m: float, y_m: float, yaw_deg: float) -> tuple[float, float, float]:
+        """Return x, y (m) and heading (deg) of this vehicle's start, by those of the other."""
+        turned_deg = yaw_deg + self.angle_deg
+        for at, turn_deg, sign in ((self.hitch_m, yaw_deg, 1), (self.coupling_m, turned_deg, -1)):
+            c, s = cos(radians(turn_deg)), sin(radians(turn_deg))
+            x_m += sign * (c * at[0] - s * at[1])
+            y_m += sign * (s * at[0] + c * at[1])
+        return x_m, y_m, turned_deg
+
+
+HITCH_APART_M = 0.05
+"""Largest difference of heights above level ground between hitch and coupling."""
 
 
 class VehicleModel(Spec, frozen=True, kw_only=True):

@@ -17,8 +17,8 @@ from groundlink.core.clock import TICK_NANOS
 from groundlink.messages.base import Command, VehicleState, WheelCommand
 from groundlink.messages.ground_truth import Vitals
 from groundlink.messages.navigation import JointState
-from groundlink.scenario.schema import Scenario, Towing, Vehicle
-from groundlink.scenario.vehicle import VehicleModel
+from groundlink.scenario.schema import Scenario, Vehicle
+from groundlink.scenario.vehicle import Towing, VehicleModel
 from groundlink.scene.spawn_checks import actor_bodies, vehicle_bodies
 from groundlink.world import terrain
 from groundlink.world.actors import Actor

@@ -26,11 +26,12 @@ DERIVED = frozenset(
         *("_origin", "_velocity", "_rows"),
         # Addresses.
         *("_link_poses", "_base_velocity", "_joint_positions", "_joint_velocities"),
+        *("_servo_positions", "_servo_velocities"),
         # Consumed by the memory; they are in it under other names.
         *("_keeps_contacts", "_touches", "_grip_n", "_normal_n", "_named", "under"),
         # Set in each tick before it is used.
         *("_asked", "asked_radps", "asked_nm", "asked_rad"),
-        *("shake_n", "raised_m", "raised_mps", "_scratch"),
+        *("shake_n", "raised_m", "raised_mps", "_scratch", "_taken"),
         # Where a window of terrain lies follows from where its body is.
         *("_x_m", "_y_m", "_friction"),
     )

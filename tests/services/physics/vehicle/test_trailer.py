@@ -11,7 +11,8 @@ from msgspec.structs import replace
 from groundlink.core.errors import UserError
 from groundlink.loader import load
 from groundlink.messages.base import Command, VehicleState, floats
-from groundlink.scenario.schema import Placement, Scenario, Towing, Vehicle, World
+from groundlink.scenario.schema import Placement, Scenario, Vehicle, World
+from groundlink.scenario.vehicle import Towing
 from services.physics.simulation.simulation import Simulation, SimulationMemory
 from services.physics.trials.track import FLOOR, MATERIALS, NAME, drive
 from tests.services.physics.grounds import TRAILER, shipped
