@@ -49,8 +49,8 @@ LEAST_FACTOR = 0.98
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What a model run says."""
+class Prediction:
+    """What the model says of a run."""
 
     rovers: int
     hosts: int
@@ -128,7 +128,7 @@ class Run:
         self._ages: list[float] = []
         self._tick = 0
 
-    def go(self) -> Outcome:
+    def go(self) -> Prediction:
         """Run for a while and return what came of it."""
         self._step()
         self._loop.run(SECONDS / 2)
@@ -152,7 +152,7 @@ class Run:
         framing = self._costs.framing
         busy["cable"] = min(1.0, max(carried) * framing / SECONDS / CABLE_BYTES)
         ages = np.percentile(self._ages, [50, 99]) * 1e3 if self._ages else (math.inf, math.inf)
-        return Outcome(
+        return Prediction(
             *(self._rovers, self._hosts, factor, busy, cores),
             *(
                 sum(carried) * framing / sim_seconds,
@@ -252,7 +252,7 @@ ROLES = {
 """Processes of the model by role of `benchmarks.scale`."""
 
 
-def on_enough_hosts(costs: Costs, rovers: int, *, cores: int) -> Outcome:
+def on_enough_hosts(costs: Costs, rovers: int, *, cores: int) -> Prediction:
     """Return the run on so many hosts, a power of two, that the sensors are no bottleneck."""
     hosts = 0
     while True:
@@ -289,7 +289,7 @@ def calibrate(one_host: Sequence[Mapping[str, Any]], several: Sequence[Mapping[s
     """
     costs = fitted(one_host, several)
 
-    def model(row: Mapping[str, Any]) -> Outcome:
+    def model(row: Mapping[str, Any]) -> Prediction:
         hosts = row.get("hosts", 1)
         # Speeds of less than real time, at which nothing was left out.
         speed = min(1.0, row["real_time_factor"])
