@@ -48,8 +48,8 @@ LEAST = {
     ("tank", 1, ""): 25.0,
     ("tank", 4, ""): 9.0,
     ("tank", 16, ""): 2.7,
-    ("rover", 1, "dry_sand"): 50.0,
-    ("tank", 1, "clayey_soil_55"): 20.0,
+    ("rover", 1, "dry_sand"): 35.0,
+    ("tank", 1, "clayey_soil_55"): 9.0,
 }
 """Ratios to real time below which `--check` fails, by model, number of vehicles and soil."""
 

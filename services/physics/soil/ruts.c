@@ -58,18 +58,30 @@ static int next(struct footprint *print, int64_t *row, int64_t *column, double *
     return 0;
 }
 
-/* Return the number of a vertex's tile, which is added if it is new; -1 if there are too many. */
-static int32_t tile_of(struct rut_grid *grid, int64_t row, int64_t column)
+/* The tile of the vertex before; the next one is mostly in it, too. */
+struct last_tile {
+    int64_t key;
+    int32_t number; /* -1: there is none */
+};
+
+/* Find the tile of a vertex. */
+static void find_tile(const struct rut_grid *grid, int64_t row, int64_t column,
+                      struct last_tile *last)
 {
     int64_t key = row / RUT_SIDE * grid->tile_columns + column / RUT_SIDE;
-    size_t slot = rut_slot(grid, key);
-    if (grid->slots[slot] < 0) {
-        if (grid->count == grid->most)
-            return -1;
-        grid->slots[slot] = (int32_t)grid->count;
-        grid->keys[grid->count++] = key;
+    if (key != last->key) {
+        last->key = key;
+        last->number = grid->slots[rut_slot(grid, key)];
     }
-    return grid->slots[slot];
+}
+
+/* Add the tile that was not found, unless there are too many. */
+static void add_tile(struct rut_grid *grid, struct last_tile *last)
+{
+    if (grid->count == grid->most)
+        return;
+    last->number = grid->slots[rut_slot(grid, last->key)] = (int32_t)grid->count;
+    grid->keys[grid->count++] = last->key;
 }
 
 /* Narrower wheels count as this wide: it is at least one vertex, however they turn. */
@@ -89,6 +101,7 @@ void groundlink_ruts_press(struct ruts *ruts, const double at[2], const double h
     double half = wide_enough(grid, width / 2), along;
     struct footprint print = footprint_of(grid, at, heading, reach, half);
     int64_t row, column;
+    struct last_tile tile = {-1, -1};
     while (next(&print, &row, &column, &along)) {
         /* The rim is close to a parabola. */
         double ahead = fmax(fabs(along) * grid->cell - swept, 0.0);
@@ -96,17 +109,21 @@ void groundlink_ruts_press(struct ruts *ruts, const double at[2], const double h
         if (!(pressed >= 1.0))
             continue;
         uint16_t steps = pressed < UINT16_MAX ? (uint16_t)pressed : UINT16_MAX;
-        if (steps <= rut_depth(grid, row, column))
-            continue;
-        int32_t tile = tile_of(grid, row, column);
-        if (tile < 0) {
+        find_tile(grid, row, column, &tile);
+        if (tile.number < 0)
+            add_tile(grid, &tile);
+        if (tile.number < 0) {
             ruts->is_full = 1;
             continue;
         }
-        grid->depths[tile][row % RUT_SIDE * RUT_SIDE + column % RUT_SIDE] = steps;
-        if (!ruts->is_pending[tile]) {
-            ruts->is_pending[tile] = 1;
-            ruts->pending[ruts->pending_count++] = tile;
+        uint16_t *depth_there =
+            &grid->depths[tile.number][row % RUT_SIDE * RUT_SIDE + column % RUT_SIDE];
+        if (steps <= *depth_there)
+            continue;
+        *depth_there = steps;
+        if (!ruts->is_pending[tile.number]) {
+            ruts->is_pending[tile.number] = 1;
+            ruts->pending[ruts->pending_count++] = tile.number;
         }
     }
 }
@@ -123,8 +140,11 @@ double groundlink_ruts_mean(const struct ruts *ruts, const double at[2], const d
     double half = wide_enough(grid, width / 2), sum = 0.0, along;
     struct footprint print = footprint_of(grid, at, heading, grid->cell, half);
     int64_t row, column, vertices = 0;
+    struct last_tile tile = {-1, -1};
     while (next(&print, &row, &column, &along)) {
-        sum += rut_depth(grid, row, column);
+        find_tile(grid, row, column, &tile);
+        if (tile.number >= 0)
+            sum += grid->depths[tile.number][row % RUT_SIDE * RUT_SIDE + column % RUT_SIDE];
         vertices++;
     }
     return vertices ? sum / vertices * RUT_STEP : 0.0;
