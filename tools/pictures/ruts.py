@@ -32,7 +32,8 @@ time: {mode: fast}
 world:
   name: dune
   materials: {sand: {color: [0.55, 0.42, 0.26], texture: soil, soil: dry_sand, friction: 1.0}}
-  terrain: {kind: hills, size_m: [80, 80], cell_m: 1.0, height_m: 2.0, longest_m: 40.0, material: sand}
+  terrain:
+    {kind: hills, size_m: [80, 80], cell_m: 1.0, height_m: 2.0, longest_m: 40.0, material: sand}
 vehicles:
   - {name: tank, model: tank, placement: {x_m: -9.0, y_m: 3.0}}
   - {name: rover, model: rover, placement: {x_m: -6.0, y_m: -3.0, yaw_deg: 25.0}}
