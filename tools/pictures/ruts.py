@@ -22,6 +22,7 @@ from groundlink.scene.build import solids
 from services.physics.simulation.simulation import Simulation
 from services.sensors.rendering.gl.pinhole import Pinhole
 from services.sensors.rendering.gl.renderer import Renderer
+from services.sensors.rendering.gl.target import COLOR_ALONE
 from services.sensors.runtime.world_replica import WorldReplica
 
 from .viewpoints import looking
@@ -75,7 +76,7 @@ def picture(scenario: Scenario) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8
     around.press(tick)
     assert around.ruts
     pinhole = Pinhole(WIDTH, HEIGHT, 700.0, 700.0, WIDTH / 2 - 0.5, HEIGHT / 2 - 0.5)
-    renderer = Renderer(scenario.world, around, pinhole, layers=("color",), samples=16)
+    renderer = Renderer(scenario.world, around, pinhole, layers=COLOR_ALONE, samples=16)
     renderer.place(around.motion(tick, tick)[0])
     renderer.press(around.ruts)
     pose = looking(np.array([-11.5, -3.0, 4.4]), np.array([-1.0, 0.5, 0.8]))
