@@ -33,6 +33,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "range_finder": ranging.range_finder,
     "soil_measured": soils.measured,
     "soil_slopes": soils.slopes,
+    "soil_tire": soils.tire,
     "soil_track": soils.track,
     "soil_wheel": soils.wheel,
     "vehicle_motor": vehicles.motor,

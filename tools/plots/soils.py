@@ -19,6 +19,7 @@ from groundlink.world.solids import Material, Soil
 from services.physics.dynamics.backend import GRAVITY_MPS2
 from services.physics.dynamics.bullet import BulletBackend
 from services.physics.soil.table import track_table, wheel_table
+from services.physics.soil.tire import InflatedTire, tire_forces, tire_sinkage
 from services.physics.soil.track import TrackSection
 from services.physics.soil.wheel import wheel_forces, wheel_sinkage
 from services.physics.trials.track import drive, put
@@ -30,6 +31,9 @@ from .page_style import GRAY, SERIES, label, side_by_side
 
 RADIUS_M, WIDTH_M, LOAD_N = 0.1651, 0.1143, 135.0
 """A wheel of the rover."""
+
+TIRE_RADIUS_M, TIRE_WIDTH_M, TIRE_N = 0.45, 0.3, 8e3
+"""A tire of a light truck."""
 
 SHOWN = ("lete_sand", "dry_sand", "clayey_soil_55")
 
@@ -98,6 +102,33 @@ def measured() -> Figure:
     )
     label(left, "Smooth wheel of 116 mm in sand, 24 N", "slip", "sinkage, mm")
     label(right, "Drawbar pull", "slip", "share of the load")
+    left.legend()
+    return figure
+
+
+def tire() -> Figure:
+    """Sinkage, motion resistance and drawbar pull of an inflated tire over its pressure."""
+    figure, (left, middle, right) = side_by_side(3)
+    pressures, load, slip = np.linspace(20e3, 400e3, 96), np.array(TIRE_N), np.array(0.15)
+    for name, color in zip(SHOWN, SERIES, strict=False):
+        soil = _soils()[name]
+        tires = [InflatedTire(TIRE_RADIUS_M, TIRE_WIDTH_M, float(p)) for p in pressures]
+        sunk = [tire_sinkage(soil, tire, load, slip) for tire in tires]
+        found = [
+            tire_forces(soil, tire, z, load, slip) for tire, z in zip(tires, sunk, strict=True)
+        ]
+        rigid = wheel_sinkage(soil, TIRE_RADIUS_M, TIRE_WIDTH_M, load, slip)
+        of_rigid = wheel_forces(soil, TIRE_RADIUS_M, TIRE_WIDTH_M, rigid, slip)
+        for axes, values, limit in (
+            (left, [100 * float(z) for z in sunk], 100 * float(rigid)),
+            (middle, [float(f.resistance_n) / 1e3 for f in found], of_rigid.resistance_n / 1e3),
+            (right, [float(f.drawbar_n) / 1e3 for f in found], of_rigid.drawbar_n / 1e3),
+        ):
+            axes.plot(pressures / 1e3, values, color=color, label=name.replace("_", " "))
+            axes.axhline(float(limit), color=color, linewidth=0.6, linestyle=":")
+    label(left, "Tire of 0.9 x 0.3 m, 8 kN, slip 0.15", "pressure, kPa", "sinkage, cm")
+    label(middle, "Motion resistance", "pressure, kPa", "force, kN")
+    label(right, "Drawbar pull", "pressure, kPa", "force, kN")
     left.legend()
     return figure
 
