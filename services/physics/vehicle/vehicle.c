@@ -261,7 +261,7 @@ static void write_pose(const struct vehicle *vehicle, size_t place, char *pose)
     const struct wheel *wheel = vehicle->gear->wheels[place];
     const double *q = vehicle->body->orientation, *c = wheel->center;
     double position = vehicle->body->joints[place].position - sinkage(wheel), swung = 0.0;
-    double hub[3] = {c[0], c[1], c[2] + vehicle->body->joints[place].position - sinkage(wheel)};
+    double hub[3] = {c[0], c[1], c[2] + position};
     if (wheel->arm) {
         groundlink_arm_carries(wheel->arm, c, position, hub);
         swung = wheel->arm->angle;
