@@ -74,6 +74,8 @@ def test_every_module_has_its_test() -> None:
         "__main__": "test_cli",
         "io.native": "test_udp_socket",
         "io.receive_thread": "test_link",
+        "sender.direct_senders": "test_send_queue",
+        "sender.waiting": "test_send_queue",
         "receiver.assembly": "test_reassembly",
         "receiver.delivery": "test_reassembly",
         "receiver.delivery_reports": "test_inbox",

@@ -264,8 +264,8 @@ class UdpSocket:
         """Bytes that are added to each datagram that is sent."""
         self.kernel_drops = 0
         """Datagrams that the kernel dropped because the receive buffer was full."""
-        self.unreachable = 0
-        """Datagrams that the peer's host or the network rejected."""
+        self._unreachable = 0
+        self._unsent = unsent = [0]  # by `send_large`, which must not refer to this socket
         self._batches: Union[NativeBatches, PortableBatches] = (
             NativeBatches() if batch_io is not None else PortableBatches()
         )
@@ -282,11 +282,16 @@ class UdpSocket:
             raise OSError(error.errno, f"can't bind to {bind[0]}:{bind[1]}: {why}") from None
         self.send_small = self._batches.small_sender(self._socket)
         """See `sender.direct_senders.SendSmall`."""
-        self.send_large = self._batches.large_sender(self._socket, self._count_unsent)
+        self.send_large = self._batches.large_sender(self._socket, partial(_add, unsent))
         """See `sender.direct_senders.SendLarge`; None without the C extension."""
         self.address: Address = self._socket.getsockname()
         self.receive_buffer: int = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
         """Bytes of the receive buffer that the kernel granted, in kernel bytes."""
+
+    @property
+    def unreachable(self) -> int:
+        """Datagrams that the peer's host or the network rejected."""
+        return self._unreachable + self._unsent[0]
 
     def receive_into(self, buffer: bytearray) -> Optional[Tuple[int, Address]]:
         """Wait for a datagram; return its size and sender, or None if nothing was received."""
@@ -323,18 +328,14 @@ class UdpSocket:
                 self._drain_errors()
             except OSError:
                 break
-        self.unreachable += 1
+        self._unreachable += 1
         return False
 
     def send_batch(self, batch: OutgoingBatch, to: Address) -> int:
         """Send parts of a message; return how many the kernel took."""
         sent = self._batches.send(self._socket, batch, to, self._may_retry)
-        self.unreachable += batch.parts_count - sent
+        self._unreachable += batch.parts_count - sent
         return sent
-
-    def _count_unsent(self, count: int) -> None:
-        self._drain_errors()
-        self.unreachable += count
 
     def _may_retry(self, error_number: int) -> bool:
         if error_number != errno.ECONNREFUSED:
@@ -376,9 +377,13 @@ class UdpSocket:
         try:
             while True:
                 self._socket.recvmsg(0, 0, socket.MSG_ERRQUEUE | socket.MSG_DONTWAIT)
-                self.unreachable += 1
+                self._unreachable += 1
         except OSError:
             pass
+
+
+def _add(total: List[int], count: int) -> None:
+    total[0] += count
 
 
 def _drops_in(ancillary: Sequence[Tuple[int, int, bytes]], drops: int) -> int:
