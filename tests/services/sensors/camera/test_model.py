@@ -238,7 +238,8 @@ def test_tf_leads_to_the_optical_frame() -> None:
     (to_camera,) = transforms.transforms
     assert (to_camera.parent, to_camera.child) == ("one/base_link", "one/camera_optical_frame")
     base_from_optical = transform(to_camera.translation_m, to_camera.rotation)
-    assert Track(rover).base_from(to_camera.child) == pytest.approx(base_from_optical)
+    link, base_from_viewed = Track(rover).link_from(to_camera.child) or (None, None)
+    assert (link, base_from_viewed) == (0, pytest.approx(base_from_optical))
     eye = Eye(made, made.vehicles[0], spec(mount=tilted), layers=ALL_LAYERS)
     eye.take(resting(1)[0])
     labels = eye.look(0).labels
