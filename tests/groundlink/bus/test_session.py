@@ -250,6 +250,7 @@ def test_a_long_answer_reaches_a_session_that_also_serves_queries(
     with Bus(connect=endpoint) as answering, Bus(connect=endpoint) as client:
         answering.serve(KEY, lambda _: states)
         client.serve(f"{KEY}/of_its_own", lambda _: [])
+        wait_for(lambda: client.query(KEY, seconds=2))  # the router knows of both
         assert list(client.query(KEY, seconds=10).values()) == states
 
 
