@@ -24,8 +24,8 @@ from groundlink.loader.overrides import add_argument, forwarded
 from .fleet import MOST, driven, fleet
 
 ROLES = ("physics", "imu", "scanner", "gateway", "udp_bridge_ros2", "router")
-"""Processes, by a word of their names. Encoders are with the inertial units; the router is in
-`groundlink up`."""
+"""A word in the name of each process. Encoders share the processes of inertial units; the router
+runs in the process of `groundlink up`."""
 
 
 def role_of(process: str) -> str:

@@ -44,7 +44,7 @@ class Costs(msgspec.Struct, frozen=True):
     batch_of_own: float
     gateway_tick: float
     reading_to_ros: float
-    """The gateway, for each reading, with what follows from it and the truth beside it."""
+    """The gateway, for each reading: also its derived messages and its share of the truth."""
 
     node_tick: float
     reading_in_ros: float

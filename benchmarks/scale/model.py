@@ -71,7 +71,7 @@ class Prediction:
     """Median and 99th percentile of the age of inertial readings in ROS."""
 
     behind: tuple[str, ...]
-    """What does not keep up and does not slow sim time down."""
+    """Processes and cables that fall behind while sim time goes on."""
 
     @property
     def holds(self) -> bool:
@@ -80,7 +80,7 @@ class Prediction:
 
     @property
     def bottleneck(self) -> str:
-        """What is busiest."""
+        """The role, host or cable with the largest share in `busy`."""
         return max(self.busy, key=self.busy.__getitem__)
 
 
@@ -129,7 +129,7 @@ class Run:
         self._tick = 0
 
     def go(self) -> Prediction:
-        """Run for a while and return what came of it."""
+        """Simulate the run for `SECONDS` and return its prediction."""
         self._step()
         self._loop.run(SECONDS / 2)
         half = self._tick  # sensors are still getting behind before that, at no loss of speed
@@ -280,7 +280,7 @@ def percent(share: float) -> str:
 
 
 def calibrate(one_host: Sequence[Mapping[str, Any]], several: Sequence[Mapping[str, Any]]) -> None:
-    """Fit and write the costs, and print how far the model is from what was measured.
+    """Fit the costs, write them, and print the deviation of the model from the measurements.
 
     Parameters
     ----------

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from groundlink.messages.base import M
 
+from .channel import Payload
 from .inbox import BusInbox, WaitingMessage
 from .local_stream import LocalSource
 
@@ -82,7 +83,7 @@ class LocalInbox(BusInbox[M]):
         """Read a stream, too; called in the reading thread."""
         self._routed[source] = _Stream(key, message_type, source)
 
-    def put(self, key: str, payload: bytes | memoryview, message_type: type[M]) -> None:
+    def put(self, key: str, payload: Payload, message_type: type[M]) -> None:
         """Store a message's bytes."""
         super().put(key, payload, message_type)
         if self._is_asleep:

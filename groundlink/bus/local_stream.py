@@ -163,7 +163,7 @@ class LocalStream:
         self._offers.register(self._listener, select.POLLIN)
         self._receivers: list[_Receiver] = []
 
-    def send(self, *pieces: bytes | memoryview) -> None:
+    def send(self, *pieces: Payload) -> None:
         """Send a message, in pieces, to all that have connected."""
         if self._offers.poll(0):
             connection, _ = self._listener.accept()

@@ -19,6 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .channel import Payload
+
 POOL_BYTES = 64 << 20
 """Most bytes of the slots of one receiver; more only for `FEWEST_SLOTS` of larger messages."""
 
@@ -48,7 +50,7 @@ _MARK = 0xC1
 _FRAME = struct.Struct("<BBQQ")
 """Mark, number of the slot, where its message begins, and the message's bytes."""
 
-Pieces = Sequence[bytes | memoryview]
+Pieces = Sequence[Payload]
 """Pieces of a payload, one after the other."""
 
 
@@ -151,7 +153,7 @@ class SlotReader:
         self._held: dict[int, weakref.ref[SharedBlock]] = {}
         """Slots of which views exist."""
 
-    def payload(self, frame: bytes, files: Sequence[int]) -> bytes | memoryview | None:
+    def payload(self, frame: bytes, files: Sequence[int]) -> Payload | None:
         """Return the payload that a frame announces; None if its slot cannot be read.
 
         Parameters
